@@ -12,7 +12,7 @@ import pytest
 from zteam.cli.bench_team import place_robots
 from zteam.config.resources import find_world
 from zteam.kernels.simulator import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
-from zteam.simulator.core.casting import bitmap_of, build_fields, group_shapes, make_polygons
+from zteam.simulator.core.casting import group_shapes, make_polygons, prepare_plans
 from zteam.world import World, load_world
 
 SCANS, ROUNDS = 100, 30
@@ -42,9 +42,9 @@ def test_reference(benchmark: Any) -> None:
 @pytest.mark.parametrize(("beams", "fov_deg"), [(1081, 270.0), (180, 180.0)])
 def test_bitmap(benchmark: Any, office: World, beams: int, fov_deg: float) -> None:
     """Rays end at walls."""
-    plan = office.floorplans[0]
-    maps, fans = Bitmaps([bitmap_of(plan, build_fields(plan.occupied))]), make_fans(office, beams, fov_deg)
-    benchmark.pedantic(lambda: cast_squares(maps, 0, fans, 1), setup=lambda: fans.ranges.fill(30.0), rounds=ROUNDS)
+    ((_, bitmap),) = prepare_plans(office.floorplans[:1])
+    maps, fans = Bitmaps([bitmap]), make_fans(office, beams, fov_deg)
+    benchmark.pedantic(lambda: cast_squares(maps, fans, 1), setup=lambda: fans.ranges.fill(30.0), rounds=ROUNDS)
     assert (fans.ranges < 30.0).mean() > 0.5
 
 

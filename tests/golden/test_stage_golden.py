@@ -55,7 +55,7 @@ def _open(which: str, name: str, folder: Path) -> tuple[Any, World]:
 def test_scans_are_exact_and_agree_with_stage(which: str, name: str, tmp_path: Path) -> None:
     """99.9 % of the rays are within 1 mm of an exact caster, and Stage agrees with zteam as often as with it."""
     recorded, world = _open(which, name, tmp_path)
-    engine = Engine(world)
+    engine = Engine(world, options=Options(physics="kinematic"))
     for kind in KINDS:
         scans = [s for s in recorded["scans"] if s["ranger"] == kind]
         robot, ranger = _find_ranger(world, len(scans[0]["ranges"]))

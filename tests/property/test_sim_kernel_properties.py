@@ -15,17 +15,17 @@ from zteam.kernels import binding, simulator
 from zteam.kernels.simulator import (
     Bases,
     BeamTable,
-    Bitmap,
     Bitmaps,
     Fans,
     Polygons,
     Rays,
+    build_fields,
     cast_edges,
     cast_squares,
     find_overlaps,
     follow,
 )
-from zteam.simulator.core.casting import NO_MOVER, Group, build_fields, make_polygons, place_shape
+from zteam.simulator.core.casting import NO_MOVER, Group, make_polygons, place_shape
 from zteam.simulator.world.model import Shape
 
 LIMIT = 9.0
@@ -46,7 +46,7 @@ def bitmap(seed: int, rows: int = 13, columns: int = 17, most: float = 0.3) -> n
 
 def maps_of(occupied: np.ndarray, cell: tuple[float, float], pose: Pose2 | None = None) -> Bitmaps:
     """A bitmap from the ground up to 1 m."""
-    return Bitmaps([Bitmap(build_fields(occupied), *occupied.shape, *cell, *(pose or (0.0, 0.0, 0.0)), 0.0, 1.0)])
+    return Bitmaps([(build_fields(occupied), *occupied.shape, *cell, *(pose or Pose2(0.0, 0.0, 0.0)), 0.0, 1.0)])
 
 
 def fan_of(poses: Any, beams: np.ndarray, increment: float = 0.0, limit: float = LIMIT, z: float = 0.5) -> Fans:
@@ -75,7 +75,7 @@ def test_rays_at_bitmaps_are_exact(
     assume(not (0 <= row < 13 and 0 <= column < 17 and occupied[row, column]))
     beams = np.array([0.0, 0.3, -1.1, math.pi / 2])
     fans = fan_of((x, y, yaw), beams)
-    cast_squares(maps_of(occupied, cell), 0, fans, 7)
+    cast_squares(maps_of(occupied, cell), fans, 7)
     assert ((fans.hits == 7) == (fans.ranges < LIMIT)).all()
     for beam, ours in zip(beams, fans.ranges[0], strict=True):
         # A ray through the corner of a cell may be said to touch it or not; a hair beside it decides the same way.
@@ -150,8 +150,8 @@ def test_odd_poses_and_sizes_of_fans_are_defined(pose: tuple[float, float, float
     fans = fan_of([(0.3, 0.4, 0.5), pose] if some else [], np.linspace(-1.0, 1.0, width), 2.0 / max(1, width - 1))
     polygons = make_polygons(random_groups(np.random.default_rng(1), False))
     polygons.move(np.empty((0, 3)))
-    cast_squares(maps_of(bitmap(3), (0.2, 0.2), Pose2(*pose)), 0, fans, 1)
-    cast_squares(maps_of(bitmap(3), (0.2, 0.2)), 0, fans, 1)
+    cast_squares(maps_of(bitmap(3), (0.2, 0.2), Pose2(*pose)), fans, 1)
+    cast_squares(maps_of(bitmap(3), (0.2, 0.2)), fans, 1)
     cast_edges(polygons, fans)
     assert ((fans.ranges >= 0.0) & (fans.ranges <= LIMIT)).all()
     if some and not np.isfinite(pose).all():
@@ -261,60 +261,28 @@ def test_bases_obey_within_their_limits(
                 assert bases.setpoint[0, axis] == pytest.approx(reached, abs=1e-12)
 
 
-def wrong(**changes: Any) -> dict[str, Any]:
-    """Arguments of Polygons for two triangles of one mover, but for `changes`."""
-    return {
-        "x": np.zeros(6),
-        "y": np.zeros(6),
-        "first_vertex": np.array([0, 3, 6], np.int32),
-        "z_min": np.zeros(2),
-        "z_max": np.ones(2),
-        "first_shape": np.array([0, 2], np.int32),
-        "owner": np.zeros(1, np.int64),
-        "centre": np.zeros((1, 2)),
-        "radius": np.ones(1),
-    } | changes
-
-
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
-        ({"x": np.zeros(6, np.float32)}, "x: float32"),
-        ({"y": np.zeros(5)}, "y: "),
-        ({"x": np.zeros(12)[::2]}, "x: "),
-        ({"first_vertex": np.array([0, 3, 7], np.int32)}, "first_vertex"),
-        ({"first_vertex": np.array([0, 0, 6], np.int32)}, "first_vertex"),
-        ({"first_shape": np.array([0, 1, 2], np.int32)}, "first_shape"),
-        ({"owner": np.array([-2])}, "owner"),
-    ],
-)
-def test_what_does_not_fit_is_refused(changes: dict[str, Any], named: str) -> None:
-    """Wrong types, shapes, orders in memory and indexes raise ValueError with the argument's name."""
-    Polygons(**wrong())
-    with pytest.raises(ValueError, match=named):
-        Polygons(**wrong(**changes))
-
-
 def test_calls_with_what_does_not_fit_are_refused() -> None:
-    """Too few poses, a bitmap that is not there, rays that were read only, parked rays that would move."""
-    polygons = Polygons(**wrong())
+    """Indexes, shapes without vertices, too few poses, rays that were read only, parked
+    rays that would move."""
+    triangle = [(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 0.0, 1.0)]
+    for groups, named in (([(-2, triangle)], "owner"), ([(0, [])], "groups"), ([(0, [((), 0.0, 1.0)])], "groups")):
+        with pytest.raises(ValueError, match=named):
+            Polygons(groups)
+    polygons = Polygons([(0, triangle)])
     fans, fields = fan_of((0.0, 0.0, 0.0), np.zeros(3)), build_fields(np.zeros((3, 3), bool))
     with pytest.raises(ValueError, match="0 are too few for 1 movers"):
         polygons.move(np.empty((0, 3)))
-    with pytest.raises(ValueError, match="index: 0 is not within"):
-        cast_squares(Bitmaps([]), 0, fans, 1)
     with pytest.raises(ValueError, match="owner"):
-        simulator.place_mounts(Rays(np.zeros((3, 1)), np.zeros(1), np.array([2])), np.zeros((2, 3)), fans_rays(1))
+        fans.place(np.zeros((2, 3)))
+    with pytest.raises(TypeError, match="double"):
+        polygons.move(np.zeros((2, 3), np.float32))
+    with pytest.raises(ValueError, match="poses: "):
+        polygons.move(np.zeros((2, 6))[:, ::2])
     fields[:, -1] = 1
     with pytest.raises(ValueError, match="parked"):
-        Bitmaps([Bitmap(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
+        Bitmaps([(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
     ends = np.zeros((1, 3))
     ends.flags.writeable = False
     some = np.ones(1, bool)
     with pytest.raises(ValueError, match=r"ends: .*read-only"):
         simulator.hold(polygons, Bitmaps([]), np.ones(1), np.zeros((1, 3)), ends, some, some, True)
-
-
-def fans_rays(count: int) -> Rays:
-    """Rays of sensors at zero."""
-    return Rays(np.zeros((3, count)), np.zeros(count), np.zeros(count, np.int64))

@@ -84,7 +84,7 @@ def cast(laser: Pose2, walls: Sequence[Segment], others: Sequence[tuple[float, f
     room = _room(tuple(walls), 1 + len(others))
     for robot_id, pose in enumerate([laser, *(Pose2(x, y, 0.0) for x, y in others)]):
         room.place(robot_id, pose.compose(LASER.inverse()))
-    return room.observe().robots[0].reading(0).ranges.astype(np.float64)
+    return room.observe().robots[0].readings[0].ranges.astype(np.float64)
 
 
 def clearance(pose: Pose2, walls: Sequence[Segment]) -> float:

@@ -195,7 +195,7 @@ class LockStepHarness:
     def end(self, limit: float = LIMIT) -> bool:
         """The result of that call."""
         self._thread.join(limit)
-        assert not self._thread.is_alive(), f"it waits for {self.lockstep.waiting_for()}"
+        assert not self._thread.is_alive(), f"it waits for {self.lockstep.tick.waiting_for()}"
         return self._results[-1]
 
     @property

@@ -1,4 +1,4 @@
-"""The kernels as Python calls them. Each checks what it is given; what is wrong raises ValueError.
+"""The kernels as Python calls them. Each checks what it is given; what is wrong raises ValueError or TypeError.
 
 Arrays are numpy's, in C order. A kernel that is called in every tick takes its arrays once, as an object that is made
 for it and keeps them: their contents may change, the arrays not.
@@ -18,40 +18,32 @@ except ImportError:
 ffi: Any = declarations.ffi
 lib: Any = ffi.dlopen(str(Path(__file__).with_name("library.so")))
 
-_POINTERS = {
-    np.dtype(kind): ffi.typeof(f"{name}[]")
-    for kind, name in (
-        (np.bool_, "uint8_t"),
-        (np.uint8, "uint8_t"),
-        (np.uint16, "uint16_t"),
-        (np.uint32, "uint32_t"),
-        (np.int32, "int32_t"),
-        (np.int64, "int64_t"),
-        (np.float32, "float"),
-        (np.float64, "double"),
-    )
-}
-BOOL, UINT8, UINT16, UINT32, INT32, INT64, FLOAT, DOUBLE = _POINTERS
+_NAMES = {"bool": "uint8_t", "float32": "float", "float64": "double"}
+_NAMES |= {name: f"{name}_t" for name in ("uint8", "uint16", "uint32", "int32", "int64")}
+_POINTERS = {np.dtype(kind): ffi.typeof(f"{name}[]") for kind, name in _NAMES.items()}
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int64]
 Counts = NDArray[np.uint32]
 
 
-def memory(name: str, array: NDArray[Any], kind: np.dtype[Any], *shape: int, out: bool = False) -> Any:
-    """An array's memory, for C to read, or to write to (`out`). Raises ValueError unless it has this type and shape."""
-    if array.dtype != kind or array.shape != shape:
-        raise ValueError(f"{name}: {array.dtype} {array.shape} is not {kind} {shape}")
+def memory(name: str, array: NDArray[Any], *shape: int, out: bool = False) -> Any:
+    """An array's memory, for C to read, or to write to (`out`). Raises ValueError unless it has this shape.
+
+    cffi compares the array's type with that of the parameter, and raises TypeError.
+    """
+    if array.shape != shape:
+        raise ValueError(f"{name}: {array.shape} is not {shape}")
     try:
-        return ffi.from_buffer(_POINTERS[kind], array, out)
+        return ffi.from_buffer(_POINTERS[array.dtype], array, out)
     except (BufferError, ValueError) as error:
         raise ValueError(f"{name}: {error}") from None
 
 
-def empty(kind: np.dtype[Any], *shape: int) -> tuple[NDArray[Any], Any]:
+def empty(kind: type[np.generic], *shape: int) -> tuple[NDArray[Any], Any]:
     """A new array for C to write to, and its memory."""
     array = np.empty(shape, kind)
-    return array, ffi.from_buffer(_POINTERS[kind], array, True)
+    return array, ffi.from_buffer(_POINTERS[array.dtype], array, True)
 
 
 def check_within(name: str, array: NDArray[Any], low: int, high: int) -> None:

@@ -7,24 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import (
-    BOOL,
-    DOUBLE,
-    FLOAT,
-    INT64,
-    UINT8,
-    UINT16,
-    UINT32,
-    Bytes,
-    Cells,
-    Counts,
-    Floats,
-    check_within,
-    empty,
-    ffi,
-    lib,
-    memory,
-)
+from zteam.kernels.binding import Bytes, Cells, Counts, Floats, check_within, empty, ffi, lib, memory
 
 MAX_CELLS = 180
 """Largest inflation radius in cells: the sum of two squares of it fits into 16 bits."""
@@ -34,11 +17,11 @@ _FARTHEST = 1 << 58
 """Cells from the grid at which a beam may end: twice a beam's length fits into 64 bits."""
 
 
-def _grid(name: str, array: NDArray[Any], kind: np.dtype[Any], out: bool = False) -> tuple[Any, int, int]:
+def _grid(name: str, array: NDArray[Any], out: bool = False) -> tuple[Any, int, int]:
     """An array's memory, its rows and its columns. Raises ValueError unless it has two dimensions."""
     if array.ndim != 2:
         raise ValueError(f"{name}: {array.ndim} dimensions are not 2")
-    return memory(name, array, kind, *array.shape, out=out), array.shape[0], array.shape[1]
+    return memory(name, array, *array.shape, out=out), array.shape[0], array.shape[1]
 
 
 Window = tuple[int, int, int, int]
@@ -46,14 +29,14 @@ Window = tuple[int, int, int, int]
 
 
 def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from: int, out: Any) -> NDArray[np.uint16]:
-    grid, rows, columns = _grid("costs", costs, UINT8)
+    grid, rows, columns = _grid("costs", costs)
     r0, r1, c0, c1 = window
     if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= MAX_CELLS):
         raise ValueError(f"window, reach: {window} is not within {rows} rows and {columns} columns, or {reach} too far")
     width = c1 - c0 + 2 * reach
-    _, steps = empty(UINT8, (r1 - r0 + 2 * reach + 1) * width)
-    _, line = empty(UINT16, width)
-    squares, made = empty(UINT16, r1 - r0, c1 - c0)
+    _, steps = empty(np.uint8, (r1 - r0 + 2 * reach + 1) * width)
+    _, line = empty(np.uint16, width)
+    squares, made = empty(np.uint16, r1 - r0, c1 - c0)
     lib.inflate(grid, rows, columns, window, reach, steps, line, made, table, unknown_from, out)
     return squares
 
@@ -69,8 +52,8 @@ def inflate(costs: Bytes, table: Bytes, reach: int, window: Window, unknown_from
     `table` ((`reach` + 1)² + 1) has the cost by squared distance in cells; lethal cells up to `reach` cells outside of
     the window count. A cell without information gets a cost from `unknown_from` on. Raises ValueError.
     """
-    prices = memory("table", table, UINT8, (reach + 1) ** 2 + 1)
-    _inflate(costs, window, reach, prices, unknown_from, memory("out", out, UINT8, *costs.shape, out=True))
+    prices = memory("table", table, (reach + 1) ** 2 + 1)
+    _inflate(costs, window, reach, prices, unknown_from, memory("out", out, *costs.shape, out=True))
 
 
 def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> None:
@@ -80,9 +63,9 @@ def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> No
     """
     for name, cells in (("x0, y0", np.array((x0, y0))), ("ends", ends)):
         check_within(name, cells, -_FARTHEST, _FARTHEST)
-    grid = _grid("costs", costs, UINT8, out=True)
-    beams = memory("ends", ends, INT64, len(ends), 2), len(ends)
-    lib.trace_beams(*grid, x0, y0, *beams, memory("marks", marks, INT64, len(marks), 2), len(marks))
+    grid = _grid("costs", costs, out=True)
+    beams = memory("ends", ends, len(ends), 2), len(ends)
+    lib.trace_beams(*grid, x0, y0, *beams, memory("marks", marks, len(marks), 2), len(marks))
 
 
 def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, motion: Floats, steps: int) -> int:
@@ -95,10 +78,10 @@ def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, moti
     count = len(corners)
     if not count or steps < 0 or np.abs(corners).max() > _WIDEST:
         raise ValueError(f"corners, steps: {count} corners up to {_WIDEST} cells from the base, {steps} steps")
-    outline = memory("corners", corners, DOUBLE, count, 2)
-    _, points = empty(DOUBLE, 2, count, 2)
-    way = memory("motion", motion, DOUBLE, 3), steps
-    return int(lib.find_hit(*_grid("costs", costs, UINT8), outline, count, x, y, yaw, *way, points))
+    outline = memory("corners", corners, count, 2)
+    _, points = empty(np.float64, 2, count, 2)
+    way = memory("motion", motion, 3), steps
+    return int(lib.find_hit(*_grid("costs", costs), outline, count, x, y, yaw, *way, points))
 
 
 # search.c: ways over grids of weights
@@ -123,15 +106,15 @@ def weigh_cells(costs: Bytes, neutral: int, factor: int, barred: int, unknown: i
     A cell weighs `neutral` + cost · `factor` / 256, cut to a whole number below 256; 0 from the cost `barred` on, and
     `unknown` without information. Raises ValueError.
     """
-    grid, rows, columns = _grid("costs", costs, UINT8)
-    made = memory("out", out, UINT8, rows + 2, columns + 2, out=True)
+    grid, rows, columns = _grid("costs", costs)
+    made = memory("out", out, rows + 2, columns + 2, out=True)
     check_within("neutral, factor, barred, unknown", np.array((neutral, factor, barred, unknown)), 0, 257)
     lib.weigh_cells(grid, rows, columns, neutral, factor, barred, unknown, made)
 
 
 def _walled(weights: Bytes, steps: Steps, *cells: int) -> tuple[Any, int]:
     """A grid's memory and columns. Raises ValueError unless its border is 0, and those cells, which are inner, not."""
-    grid, _, columns = _grid("weights", weights, UINT8)
+    grid, _, columns = _grid("weights", weights)
     border = weights[[0, -1]].any() or weights[:, [0, -1]].any() if weights.size else True
     if border or weights.size >= 1 << 31:
         raise ValueError("weights: the border is not 0, or there are 2^31 cells")
@@ -155,7 +138,7 @@ def search(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) -
     """
     grid, columns = _walled(weights, steps, start, goal)
     box = ffi.new("int64_t[4]")
-    made = memory("costs", costs, UINT32, *weights.shape, out=True)
+    made = memory("costs", costs, *weights.shape, out=True)
     found = lib.search(grid, columns, start, goal, steps, made, box)
     if found < 0:
         costs.fill(UNREACHED)
@@ -166,9 +149,9 @@ def search(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) -
 def trace(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) -> Cells:
     """The cells (n) of the way that `search` has found, from the goal back to the start. Raises ValueError."""
     grid, columns = _walled(weights, steps, start, goal)
-    found = memory("costs", costs, UINT32, *weights.shape)
+    found = memory("costs", costs, *weights.shape)
     # No step costs less than a straight one at the least weight.
-    out, made = empty(INT64, int(costs[divmod(goal, columns)]) // (steps.straight * max(1, steps.least)) + 1)
+    out, made = empty(np.int64, int(costs[divmod(goal, columns)]) // (steps.straight * max(1, steps.least)) + 1)
     count = lib.trace(grid, columns, start, goal, steps, found, made, len(out))
     if not count:
         raise ValueError("costs: they lead from the goal to no start")
@@ -177,7 +160,7 @@ def trace(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) ->
 
 def _points(name: str, cells: Cells, weights: Bytes) -> Any:
     """The memory of cells (n, 2) as (column, row). Raises ValueError unless the grid has them."""
-    given = memory(name, cells, INT64, len(cells), 2)
+    given = memory(name, cells, len(cells), 2)
     for axis in (0, 1):
         check_within(name, cells[:, axis], 0, weights.shape[1 - axis])
     return given
@@ -189,8 +172,8 @@ def measure_lines(weights: Bytes, begins: Cells, ends: Cells) -> Floats:
     It is the integral of `weights` (rows, columns) along the line: weight times cells. A line is followed through every
     cell that it touches, so it goes through no cell that a step could not enter. Raises ValueError.
     """
-    grid, _, columns = _grid("weights", weights, UINT8)
-    out, made = empty(DOUBLE, len(begins))
+    grid, _, columns = _grid("weights", weights)
+    out, made = empty(np.float64, len(begins))
     if begins.shape != ends.shape:
         raise ValueError(f"ends: {ends.shape} is not {begins.shape}")
     lines = _points("begins", begins, weights), _points("ends", ends, weights), len(begins)
@@ -205,12 +188,12 @@ def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -
     each cell costs (n), and the index of the cell from which its last line comes (n), -1 for the first. `least` is the
     least of `weights` (rows, columns) other than 0. Raises ValueError.
     """
-    grid, _, columns = _grid("weights", weights, UINT8)
+    grid, _, columns = _grid("weights", weights)
     count = len(way)
     if not count or stride < 1 or reach < 0:
         raise ValueError(f"way, stride, reach: {count} cells, {stride}, {reach}")
-    best, made = empty(DOUBLE, count)
-    before, places = empty(INT64, count)
+    best, made = empty(np.float64, count)
+    before, places = empty(np.int64, count)
     lib.shorten(grid, columns, _points("way", way, weights), count, stride, reach, least, made, places)
     return best, before
 
@@ -229,12 +212,12 @@ def move_poses(poses: Floats, motion: Sequence[float], draws: Floats) -> None:
     count = len(poses)
     if len(motion) != 6:
         raise ValueError(f"motion: {len(motion)} numbers are not 6")
-    places = memory("poses", poses, DOUBLE, count, 3, out=True)
-    lib.move_poses(places, count, motion, memory("draws", draws, DOUBLE, count, 3))
+    places = memory("poses", poses, count, 3, out=True)
+    lib.move_poses(places, count, motion, memory("draws", draws, count, 3))
 
 
 def _likelihoods(values: NDArray[np.uint16], place: tuple[float, float, float, float]) -> Any:
-    given, rows, columns = _grid("values", values, UINT16)
+    given, rows, columns = _grid("values", values)
     if not values.size or max(values.shape) > 1 << 24 or values.size >= 1 << 31 or not place[3] > 0.0:
         raise ValueError(f"values, place: {values.shape} cells, or {place[3]} metres a cell")
     x, y, yaw, cell = place
@@ -251,8 +234,8 @@ def sum_poses(
     `map`. What is outside counts as the border. Places have seven digits. Raises ValueError.
     """
     count, many = len(poses), beams.shape[-1]
-    out, made = empty(INT64, count)
-    places = memory("poses", poses, DOUBLE, count, 3), count, memory("beams", beams, FLOAT, 2, many), many
+    out, made = empty(np.int64, count)
+    places = memory("poses", poses, count, 3), count, memory("beams", beams, 2, many), many
     lib.sum_poses(_likelihoods(values, place), *places, made)
     return out
 
@@ -267,8 +250,8 @@ def climb(
     where none is better, so many times, in at most `most` rounds. Return the sums of values (n). Raises ValueError.
     """
     count, many = len(poses), beams.shape[-1]
-    sums, made = empty(INT64, count)
-    places = memory("poses", poses, DOUBLE, count, 3, out=True), count, memory("beams", beams, FLOAT, 2, many), many
+    sums, made = empty(np.int64, count)
+    places = memory("poses", poses, count, 3, out=True), count, memory("beams", beams, 2, many), many
     lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, made)
     return sums
 
@@ -276,7 +259,7 @@ def climb(
 def _table(count: int) -> tuple[Any, int]:
     """The memory of an empty hash table for up to so many bins, and the mask of its rows."""
     table = np.full(1 << (2 * count).bit_length(), np.iinfo(np.int64).min)
-    return memory("table", table, INT64, len(table), out=True), len(table) - 1
+    return memory("table", table, len(table), out=True), len(table) - 1
 
 
 Size = tuple[float, float, float]
@@ -294,12 +277,12 @@ def resample(
     count, most = len(sums), len(draws)
     if not count or not len(enough) or len(poses) < count + (most if strange.any() else 0) or min(size) <= 0.0:
         raise ValueError(f"poses, sums, enough, size: {len(poses)}, {count}, {len(enough)} elements, and {size}")
-    _, guide = empty(INT64, count)
-    out, made = empty(DOUBLE, most, 3)
+    _, guide = empty(np.int64, count)
+    out, made = empty(np.float64, most, 3)
     found = lib.resample(
-        memory("poses", poses, DOUBLE, len(poses), 3), memory("sums", sums, DOUBLE, count), count,
-        memory("draws", draws, DOUBLE, most), memory("strange", strange, BOOL, most), most,
-        memory("enough", enough, INT64, len(enough)), len(enough), size, *_table(most), guide, made,
+        memory("poses", poses, len(poses), 3), memory("sums", sums, count), count,
+        memory("draws", draws, most), memory("strange", strange, most), most,
+        memory("enough", enough, len(enough)), len(enough), size, *_table(most), guide, made,
     )  # fmt: skip
     return out[:found]
 
@@ -314,9 +297,9 @@ def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tupl
     if not (count and 0 < turns <= 64 and min(size) > 0.0):
         raise ValueError(f"poses, turns, size: {count} poses, {turns}, {size}")
     table, mask = _table(count)
-    (_, cluster), (_, stack), (labels, own) = empty(INT64, mask + 1), empty(INT64, count), empty(INT64, count)
-    (totals, sums), (moments, made) = empty(DOUBLE, count), empty(DOUBLE, 19)
+    (_, cluster), (_, stack), (labels, own) = empty(np.int64, mask + 1), empty(np.int64, count), empty(np.int64, count)
+    (totals, sums), (moments, made) = empty(np.float64, count), empty(np.float64, 19)
     totals[:], moments[:] = 0.0, 0.0
-    particles = memory("poses", poses, DOUBLE, count, 3), memory("weights", weights, DOUBLE, count), count
+    particles = memory("poses", poses, count, 3), memory("weights", weights, count), count
     lib.find_cluster(*particles, size, turns, table, mask, cluster, stack, sums, own, made)
     return labels, moments[:16].reshape(4, 4), moments[16:]

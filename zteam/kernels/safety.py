@@ -3,7 +3,9 @@
 import math
 from typing import Any
 
-from zteam.kernels.binding import DOUBLE, Floats, empty, lib, memory
+import numpy as np
+
+from zteam.kernels.binding import Floats, empty, lib, memory
 
 
 def meet(
@@ -17,7 +19,7 @@ def meet(
     normal of length 1, offset (m). Of `points` (2, n) those in the `disc` (x, y, radius) count, all in the base frame.
     """
     count, sides, (x, y, turn) = points.shape[-1], len(planes), velocity
-    given = memory("points", points, DOUBLE, 2, count), count, memory("planes", planes, DOUBLE, sides, 3), sides
+    given = memory("points", points, 2, count), count, memory("planes", planes, sides, 3), sides
     met: float = lib.meet(*given, x, y, turn, seconds, margin, *disc)
     return met
 
@@ -25,7 +27,7 @@ def meet(
 def move_points(points: Floats, x: float, y: float, turn: float) -> None:
     """Tell `points` (3, n: x and y in metres and something else) in a frame that is at this pose (m, rad) of theirs."""
     count = points.shape[-1]
-    lib.move_points(memory("points", points, DOUBLE, 3, count, out=True), count, x, y, turn)
+    lib.move_points(memory("points", points, 3, count, out=True), count, x, y, turn)
 
 
 def see(
@@ -43,8 +45,8 @@ def see(
     count, beams = known.shape[-1], distances.size
     if few < 1:
         raise ValueError(f"few: {few} is less than 1")
-    seen, made = empty(DOUBLE, 3 * (count - -beams // few))
-    given = memory("known", known, DOUBLE, 3, count), count, *_scan(axes, distances)
+    seen, made = empty(np.float64, 3 * (count - -beams // few))
+    given = memory("known", known, 3, count), count, *_scan(axes, distances)
     kept = lib.see(*given, *laser, few, *pose, far, way, oldest, made)
     return seen[: 3 * kept].reshape(3, kept)
 
@@ -61,11 +63,11 @@ def look_along(axes: Floats, distances: Floats, half_width: float, heading: floa
 def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float, headings: Floats) -> int:
     """Which of `headings` (n, rad) is the first whose corridor, as of `look_along`, is clear for `reach` (m), or -1."""
     count = len(headings)
-    given = *_scan(axes, distances), half_width, reach, memory("headings", headings, DOUBLE, count), count
+    given = *_scan(axes, distances), half_width, reach, memory("headings", headings, count), count
     found: int = lib.first_clear(*given)
     return found
 
 
 def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
     beams = distances.size
-    return memory("axes", axes, DOUBLE, 2, beams), memory("distances", distances, DOUBLE, beams), beams
+    return memory("axes", axes, 2, beams), memory("distances", distances, beams), beams

@@ -6,31 +6,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, empty, ffi, lib, memory
+from zteam.kernels.binding import Floats as Floats
+from zteam.kernels.binding import check_within, empty, ffi, lib, memory
 
 
-def _memories(kind: np.dtype[Any], *shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
-    """The memory of arrays of one type and shape, by the names that they have in C."""
-    return {name: memory(name, array, kind, *shape) for name, array in arrays.items()}
+def _memories(*shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
+    """The memory of arrays of one shape, by the names that they have in C."""
+    return {name: memory(name, array, *shape) for name, array in arrays.items()}
 
 
-class Bitmap(NamedTuple):
-    """A bitmap that rays and bodies meet; the fields are those in C."""
-
-    sides: NDArray[np.uint8]
-    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`simulator.core.casting`)."""
-    rows: int
-    columns: int
-    cell_x: float
-    """Metres."""
-    cell_y: float
-    x: float
-    """Of its lower left corner in `map`, metres."""
-    y: float
-    yaw: float
-    z_min: float
-    """Metres: what lies between these heights meets it."""
-    z_max: float
+Bitmap = tuple[NDArray[np.uint8], int, int, float, float, float, float, float, float, float]
+"""What rays and bodies meet, as in kernels.h: the largest empty square at each cell (quadrants, rows * columns + 1),
+rows, columns, metres of a cell along x and y, x, y and yaw of its lower left corner in `map`, least and largest z."""
 
 
 class Bitmaps:
@@ -39,14 +26,13 @@ class Bitmaps:
     def __init__(self, maps: Sequence[Bitmap]) -> None:
         self.count = len(maps)
         self._kept = []
-        for one in maps:
-            if one.rows < 0 or one.columns < 0 or 4 * (one.rows * one.columns + 1) >= 1 << 31:
-                raise ValueError(f"sides: {one.rows} x {one.columns} cells are none, or too many for 32 bits")
-            self._kept.append(memory("sides", one.sides, UINT8, 4, one.rows * one.columns + 1))
-            if one.sides[:, -1].any():
+        for sides, rows, columns, *_ in maps:
+            if rows < 0 or columns < 0 or 4 * (rows * columns + 1) >= 1 << 31:
+                raise ValueError(f"sides: {rows} x {columns} cells are none, or too many for 32 bits")
+            self._kept.append(memory("sides", sides, 4, rows * columns + 1))
+            if sides[:, -1].any():
                 raise ValueError("sides: the last entry of each quadrant, where rays are parked, is not 0")
-        filled = zip(maps, self._kept, strict=True)
-        self.data = ffi.new("bitmap[]", [one._replace(sides=sides)._asdict() for one, sides in filled])
+        self.data = ffi.new("bitmap[]", [(kept, *one[1:]) for kept, one in zip(self._kept, maps, strict=True)])
 
 
 class BeamTable(NamedTuple):
@@ -81,59 +67,69 @@ class Rays(NamedTuple):
 class Fans:
     """Fans of rays, and what they met. The arrays are kept: their contents may change."""
 
-    def __init__(self, rays: Rays, beams: BeamTable) -> None:
-        count, width = len(rays.z), beams.cos.shape[1]
+    def __init__(self, mounts: Rays, beams: BeamTable) -> None:
+        """The rays start at `mounts`, until `place` brings them to where the sensors are."""
+        count, width = len(mounts.z), beams.cos.shape[1]
         tables = 1 if len(beams.cos) == 1 else count
-        self.beams = beams
+        self._mounts, self.beams = mounts, beams
+        self.at = mounts.at.copy()
+        """(3, fans): rows x, y and yaw in `map`."""
         self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
         """(fans, beams): metres, and what was met."""
         self._kept = {
-            **_memories(DOUBLE, 3, count, at=rays.at),
-            **_memories(DOUBLE, count, z=rays.z),
-            **_memories(INT64, count, owner=rays.owner),
-            **_memories(DOUBLE, tables, width, cosine=beams.cos, sine=beams.sin),
-            **_memories(DOUBLE, count, width, ranges=self.ranges),
-            **_memories(INT32, count, width, hits=self.hits),
-            **_memories(DOUBLE, width // 8 + 1, tops=np.empty(width // 8 + 1)),
+            **_memories(3, count, at=self.at),
+            **_memories(count, z=mounts.z, owner=mounts.owner),
+            **_memories(tables, width, cosine=beams.cos, sine=beams.sin),
+            **_memories(count, width, ranges=self.ranges, hits=self.hits),
+            **_memories(width // 8 + 1, tops=np.empty(width // 8 + 1)),
         }
         _, _, *numbers = beams._asdict().items()
         self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **dict(numbers), **self._kept})
+
+    def place(self, poses: Floats) -> None:
+        """Bring the rays of sensors that robots carry to where they are with the robots at `poses` (robots; x, y, yaw
+        in `map`)."""
+        count, robots = len(self._mounts.z), len(poses)
+        mounts = memory("mounts", self._mounts.at, 3, count)
+        places = memory("poses", poses, robots, 3)
+        if not lib.place_mounts(count, self.data.owner, mounts, robots, places, self._kept["at"]):
+            raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
+
+
+Prism = tuple[Sequence[tuple[float, float]], float, float]
+"""Vertices, counter-clockwise, and the heights between which it lies: least, greatest."""
 
 
 class Polygons:
     """Polygons in groups that move together: the shapes of a mover, or a shape that stands still. Kernels move them."""
 
-    def __init__(
-        self, x: Floats, y: Floats, first_vertex: NDArray[np.int32], z_min: Floats, z_max: Floats,
-        first_shape: NDArray[np.int32], owner: NDArray[np.int64], centre: Floats, radius: Floats,
-    ) -> None:  # fmt: skip
-        """Vertices x, y, counter-clockwise, in the mover's frame; in `map` for what stands still.
-
-        Shape i has the vertices first_vertex[i] to first_vertex[i + 1] and the heights z_min[i] to z_max[i]; group i
-        the shapes first_shape[i] to first_shape[i + 1], the mover owner[i] (or -1), and a circle about centre[i] (x, y)
-        of radius[i] that holds them all.
-        """
-        shapes, groups = len(z_min), len(owner)
-        self.owner = owner
-        self.movers = int(owner.max(initial=-1)) + 1
-        check_within("owner", owner, -1, self.movers)
-        for name, starts, count in (("first_vertex", first_vertex, len(x)), ("first_shape", first_shape, shapes)):
-            if not (starts.size and starts[0] == 0 and starts[-1] == count and (np.diff(starts) > 0).all()):
-                raise ValueError(f"{name}: it does not rise from 0 to {count}, at each step")
-        room = int(np.diff(first_vertex).max(initial=0))
-        self._kept = {
-            **_memories(DOUBLE, len(x), local_x=x, local_y=y, x=x.copy(), y=y.copy()),
-            **_memories(INT32, shapes + 1, first_vertex=first_vertex),
-            **_memories(DOUBLE, shapes, z_min=z_min, z_max=z_max),
-            **_memories(INT32, groups + 1, first_shape=first_shape),
-            **_memories(INT64, groups, owner=owner),
-            **_memories(DOUBLE, groups, 2, local_centre=centre),
-            **_memories(DOUBLE, groups, centre_x=centre[:, 0].copy(), centre_y=centre[:, 1].copy(), radius=radius),
-            **_memories(INT32, groups, in_bin=np.empty(groups, np.int32)),
-            **_memories(INT32, 64 * 64 + 2, bin_start=np.empty(64 * 64 + 2, np.int32)),
-            **_memories(DOUBLE, room, corner_x=np.empty(room), corner_y=np.empty(room)),
-        }
-        counts = {"shapes": shapes, "groups": groups, "movers": self.movers}
+    def __init__(self, groups: Sequence[tuple[int, Sequence[Prism]]]) -> None:
+        """Each group has a mover (or -1) and at least one shape, in the mover's frame; in `map` if it stands still."""
+        shapes = [shape for _, own in groups for shape in own]
+        vertices = [len(points) for points, _, _ in shapes]
+        if not (all(vertices) and all(own for _, own in groups)):
+            raise ValueError("groups: a group has no shape, or a shape has no vertices")
+        self.owner = np.array([owner for owner, _ in groups], np.int64)
+        self.movers = int(self.owner.max(initial=-1)) + 1
+        check_within("owner", self.owner, -1, self.movers)
+        # A circle about the middle of each group holds its shapes.
+        corners = [np.array([point for points, _, _ in own for point in points], float) for _, own in groups]
+        centre = np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in corners]).reshape(-1, 2)
+        radius = [float(np.hypot(*(own - middle).T).max()) for own, middle in zip(corners, centre, strict=True)]
+        x, y = np.concatenate([np.empty((0, 2)), *corners]).T
+        count, widest = len(groups), max(vertices, default=0)
+        arrays = {
+            "local_x": x.copy(), "local_y": y.copy(), "x": x.copy(), "y": y.copy(),
+            "first_vertex": _starts(vertices), "first_shape": _starts([len(own) for _, own in groups]),
+            "z_min": np.array([low for _, low, _ in shapes], float),
+            "z_max": np.array([high for _, _, high in shapes], float),
+            "owner": self.owner, "local_centre": centre, "radius": np.array(radius, float),
+            "centre_x": centre[:, 0].copy(), "centre_y": centre[:, 1].copy(),
+            "in_bin": np.empty(count, np.int32), "bin_start": np.empty(64 * 64 + 2, np.int32),
+            "corner_x": np.empty(widest), "corner_y": np.empty(widest),
+        }  # fmt: skip
+        self._kept = {name: memory(name, array, *array.shape) for name, array in arrays.items()}
+        counts = {"shapes": len(shapes), "groups": count, "movers": self.movers}
         self.data = ffi.new("polygons *", {**counts, **self._kept})
         self.move(np.zeros((self.movers, 3)))
 
@@ -145,32 +141,40 @@ class Polygons:
         """The memory of an array of poses (movers or more; x, y, yaw)."""
         if len(poses) < self.movers:
             raise ValueError(f"poses: {len(poses)} are too few for {self.movers} movers")
-        return memory("poses", poses, DOUBLE, len(poses), 3, out=out)
+        return memory("poses", poses, len(poses), 3, out=out)
+
+
+def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts], dtype=np.int32)
 
 
 _cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares
 
 
-def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
-    """The side of the largest square of `free` cells (rows, columns) that begins at each and extends towards larger
-    rows and columns, at most 254, into `out` (rows * columns)."""
-    rows, columns = free.shape
-    lib.fill_squares(
-        memory("free", free, BOOL, rows, columns),
-        rows,
-        columns,
-        memory("out", out, UINT8, rows * columns, out=True),
-    )
+def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The empty squares of a bitmap (rows, columns), row 0 at the bottom: (4, rows * columns + 1).
+
+    Row q is the flattened field of quadrant q = (dx < 0) + 2 (dy < 0): at each cell the side of the largest square of
+    free cells, at most 254, that begins there and extends into the quadrant. The last entry is a parking place.
+    """
+    rows, columns = occupied.shape
+    sides = np.zeros((4, rows * columns + 1), np.uint8)
+    for quadrant in range(4):
+        view = occupied[:, ::-1] if quadrant & 1 else occupied
+        free = np.ascontiguousarray(~(view[::-1] if quadrant & 2 else view))
+        made = memory("sides", sides[quadrant], rows * columns + 1, out=True)
+        lib.fill_squares(memory("free", free, rows, columns), rows, columns, made)
+    return sides
 
 
-def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
-    """Shorten ranges to the occupied cells of a bitmap, and set hits to `mark` where it is nearer.
+def cast_squares(maps: Bitmaps, fans: Fans, mark: int) -> None:
+    """Shorten ranges to the occupied cells of bitmaps, and set hits to `mark` (or the next, for the next bitmap) where
+    one is nearer.
 
     A start inside an occupied cell gives 0. A sensor sees only a bitmap that has its height.
     """
-    if not 0 <= index < maps.count:
-        raise ValueError(f"index: {index} is not within 0 to {maps.count - 1}")
-    _cast_squares(maps.data + index, fans.data, mark)
+    for index in range(maps.count):
+        _cast_squares(maps.data + index, fans.data, mark + index)
 
 
 def cast_edges(polygons: Polygons, fans: Fans) -> None:
@@ -182,7 +186,7 @@ def find_overlaps(polygons: Polygons, maps: Bitmaps, apart: bool, found: NDArray
     """Which movers (`found`) overlap a bitmap or what stands still where they are; with `apart` each other too."""
     if len(found) < polygons.movers:
         raise ValueError(f"found: {len(found)} are too few for {polygons.movers} movers")
-    lib.find_overlaps(polygons.data, maps.data, maps.count, apart, memory("found", found, BOOL, len(found), out=True))
+    lib.find_overlaps(polygons.data, maps.data, maps.count, apart, memory("found", found, len(found), out=True))
 
 
 def move_all(polygons: Polygons, maps: Bitmaps, poses: Floats, ends: Floats, blocked: NDArray[np.bool_]) -> None:
@@ -193,7 +197,7 @@ def move_all(polygons: Polygons, maps: Bitmaps, poses: Floats, ends: Floats, blo
         raise ValueError(f"ends: {robots} are too many for {len(poses)} poses")
     lib.move_all(
         polygons.data, maps.data, maps.count, robots, polygons.poses(poses, out=True),
-        memory("ends", ends, DOUBLE, robots, 3), memory("blocked", blocked, BOOL, robots, out=True),
+        memory("ends", ends, robots, 3), memory("blocked", blocked, robots, out=True),
     )  # fmt: skip
 
 
@@ -208,12 +212,12 @@ def hold(
     bodies stay out of each other too, unless both are `tangled` (movers). The polygons are at `poses`.
     """
     movers, groups = len(poses), len(polygons.owner)
-    (places, scratch), (shares, made) = empty(DOUBLE, movers), empty(DOUBLE, movers)
+    (places, scratch), (shares, made) = empty(np.float64, movers), empty(np.float64, movers)
     places[:], shares[:] = 0.0, 1.0
     lib.hold(
-        polygons.data, maps.data, maps.count, memory("half", half, DOUBLE, groups), polygons.poses(poses),
-        memory("ends", ends, DOUBLE, movers, 3, out=True), memory("suspects", suspects, BOOL, movers),
-        memory("tangled", tangled, BOOL, movers), apart, scratch, made,
+        polygons.data, maps.data, maps.count, memory("half", half, groups), polygons.poses(poses),
+        memory("ends", ends, movers, 3, out=True), memory("suspects", suspects, movers),
+        memory("tangled", tangled, movers), apart, scratch, made,
     )  # fmt: skip
     return shares
 
@@ -224,20 +228,10 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
     On the exact arc or, with `tangents`, as Stage steps (Euler): straight ahead by the old heading, then the turn.
     """
     count = len(poses)
-    ends, made = empty(DOUBLE, count, 3)
-    ways = memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3)
+    ends, made = empty(np.float64, count, 3)
+    ways = memory("poses", poses, count, 3), memory("velocity", velocity, count, 3)
     lib.follow(count, *ways, seconds, tangents, made)
     return ends
-
-
-def place_mounts(mounts: Rays, poses: Floats, rays: Rays) -> None:
-    """Bring the `rays` (in `map`) of sensors, which are mounted so, to where they are now: with the robots at `poses`
-    (robots; x, y, yaw)."""
-    count, robots = len(mounts.z), len(poses)
-    owner, at = memory("owner", mounts.owner, INT64, count), memory("mounts", mounts.at, DOUBLE, 3, count)
-    poses, out = memory("poses", poses, DOUBLE, robots, 3), memory("rays", rays.at, DOUBLE, 3, count, out=True)
-    if not lib.place_mounts(count, owner, at, robots, poses, out):
-        raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
 
 
 class Bases:
@@ -264,13 +258,11 @@ class Bases:
         """(wheels): rad since the start, and rad/s."""
         low, high, slow, fast = limits
         self._kept = {
-            **_memories(DOUBLE, robots, 3, low=low, high=high, slow=slow, fast=fast, start=start),
-            **_memories(DOUBLE, robots, 3, setpoint=self.setpoint, velocity=self.velocity, odom=self.odom),
-            **_memories(BOOL, robots, is_car=is_car),
-            **_memories(DOUBLE, robots, wheelbase=wheelbase),
-            **_memories(INT64, wheels, wheel_owner=wheel_owner),
-            **_memories(DOUBLE, wheels, 3, wheel_rows=wheel_rows),
-            **_memories(DOUBLE, wheels, angles=self.angles, rates=self.rates),
+            **_memories(robots, 3, low=low, high=high, slow=slow, fast=fast, start=start),
+            **_memories(robots, 3, setpoint=self.setpoint, velocity=self.velocity, odom=self.odom),
+            **_memories(robots, is_car=is_car, wheelbase=wheelbase),
+            **_memories(wheels, wheel_owner=wheel_owner, angles=self.angles, rates=self.rates),
+            **_memories(wheels, 3, wheel_rows=wheel_rows),
         }
         self._robots = robots
         self._data = ffi.new("bases *", {"robots": robots, "wheels": wheels, **self._kept})
@@ -282,7 +274,7 @@ class Bases:
         A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate.
         """
         count = self._robots
-        given = memory("commands", commands, DOUBLE, count, 3), memory("fresh", fresh, BOOL, count)
+        given = memory("commands", commands, count, 3), memory("fresh", fresh, count)
         lib.obey(self._data, *given, seconds)
 
     def note_motion(self, before: Floats, after: Floats, seconds: float, *, tangents: bool) -> None:
@@ -291,5 +283,5 @@ class Bases:
         They were arcs or, with `tangents`, Stage's steps by the heading before.
         """
         count = self._robots
-        given = memory("before", before, DOUBLE, count, 3), memory("after", after, DOUBLE, count, 3)
+        given = memory("before", before, count, 3), memory("after", after, count, 3)
         lib.note_motion(self._data, *given, seconds, tangents)

@@ -44,11 +44,6 @@ SETTLE = 2.0
 LOOK = 1.0
 """Host seconds between two reports on a long step's progress."""
 
-_NO_SIMULATOR = (
-    "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
-    "(or name its router and namespace with --connect and --namespace)"
-)
-
 
 class StepRequest(Change):
     """`sim/step`: run so many ticks, then stand still. The answer comes when the world stands."""
@@ -56,10 +51,6 @@ class StepRequest(Change):
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
     wait: bool = True
     """False: answer at once; `sim/stand` tells when the world stands. For steps that outlast any query."""
-
-
-class ResetRequest(Change):
-    """`sim/reset`: everything as at the start; GO, if it was given, holds from the first tick on."""
 
 
 class SpeedRequest(Change):
@@ -330,12 +321,12 @@ class SimReport(RunFigures, kw_only=True):
 
 
 class SimulatorClient:
-    """The simulator's queries as calls. All raise BusError if no simulator is there, or with what it refuses."""
+    """The simulator's queries as calls. All raise BusError if no simulator is there, or with what it refuses, and
+    UsageError for numbers out of range."""
 
     def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
         """`answer_limit` is host seconds for an answer that waits for nothing in the world."""
-        self._bus = bus
-        self._answer_limit = answer_limit
+        self._bus, self._answer_limit = bus, answer_limit
 
     def _ask(
         self, service: str, reply_type: type[T], request: msgspec.Struct | None = None, timeout: float | None = None
@@ -343,13 +334,20 @@ class SimulatorClient:
         timeout = self._answer_limit if timeout is None else timeout
         key = names.service_key(names.SIMULATOR, service)
         try:
+            # JSON has no NaN: it would arrive as something else.
+            msgspec.convert(msgspec.to_builtins(request), type(request))
             answers = self._bus.query(key, reply_type, request, timeout=timeout)
+        except msgspec.ValidationError as error:
+            raise UsageError(f"{key}: {error}") from None
         except QueryTimeoutError:
             raise BusError(f"the simulator does not answer within {timeout:g} s: see 'zteam doctor'") from None
         except QueryError as error:
             raise BusError(error.why) from None
         if not answers:
-            raise BusError(_NO_SIMULATOR)
+            raise BusError(
+                "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
+                "(or name its router and namespace with --connect and --namespace)"
+            )
         return answers[0][1]
 
     def status(self) -> SimStatus:
@@ -375,8 +373,6 @@ class SimulatorClient:
 
     def set_speed(self, speed: float | None) -> SimStatus:
         """Ask for simulated seconds a second of the host; None = as fast as possible."""
-        if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
-            raise UsageError(f"speed {speed}: give simulated seconds a second from {MIN_SPEED:g} to {MAX_SPEED:g}")
         return self._ask("speed", SimStatus, SpeedRequest(speed))
 
     def stand(self, timeout: float) -> StandReply:
@@ -399,13 +395,11 @@ class SimulatorClient:
 
     def begin_steps(self, ticks: int) -> SimStatus:
         """As `step`, but do not wait for the ticks."""
-        if not 1 <= ticks <= MAX_TICKS:
-            raise UsageError(f"step {ticks}: give a number of ticks from 1 on")
         return self._ask("step", SimStatus, StepRequest(ticks, wait=False))
 
     def reset(self) -> SimStatus:
         """Everything as at the start, time too; a world that was paused stands at its first tick."""
-        status = self._ask("reset", SimStatus, ResetRequest(), timeout=CHANGE_LIMIT)
+        status = self._ask("reset", SimStatus, Change(), timeout=CHANGE_LIMIT)
         return self.stand(SETTLE).status if status.paused else status
 
     def spawn(
@@ -422,7 +416,6 @@ class SimulatorClient:
 
         Raises BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set.
         """
-        _check_pose(x, y, yaw)
         request = SpawnRequest(x, y, yaw, model, robot_id, force=force)
         return self._ask("spawn", SpawnReply, request, timeout=CHANGE_LIMIT).id
 
@@ -432,19 +425,12 @@ class SimulatorClient:
 
     def move(self, robot_id: int, x: float, y: float, yaw: float = 0.0, *, force: bool = False) -> SimStatus:
         """Lift a robot to x, y (m), yaw (rad) in `map`. Raises BusError if it has no room there, as `spawn` does."""
-        _check_pose(x, y, yaw)
         return self._ask("move", SimStatus, MoveRequest(robot_id, x, y, yaw, force=force), timeout=CHANGE_LIMIT)
 
     def fault(self, fault: Fault) -> SimStatus:
         """Have a fault carried out in the world from the next tick on. Raises BusError outside of lock-step, or if it
         cannot be carried out there."""
         return self._ask("fault", SimStatus, FaultRequest(fault=fault), timeout=CHANGE_LIMIT)
-
-
-def _check_pose(x: float, y: float, yaw: float) -> None:
-    # JSON has no NaN: it would arrive as something else.
-    if not all(-MAX_PLACE <= number <= MAX_PLACE for number in (x, y, yaw)):
-        raise UsageError(f"pose {x:g} {y:g} {yaw:g}: give finite numbers up to {MAX_PLACE:g}")
 
 
 def read_status(bus: Bus, timeout: float = 2.0) -> SimStatus | None:

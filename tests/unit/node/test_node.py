@@ -216,7 +216,7 @@ def test_what_a_callback_raises_ends_it(
 
     with pytest.raises(ValueError, match="out of plans"):
         play(node, steps.append, script())
-    assert world.lockstep.waiting_for() == "planner"
+    assert world.lockstep.tick.waiting_for() == "planner"
     node.close()
     assert world.end()
     assert steps == [tick * TICK for tick in range(1, last)]

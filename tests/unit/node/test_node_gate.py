@@ -110,7 +110,7 @@ def test_in_lock_step_its_first_step_is_that_of_the_first_tick(
         team.monitor.give_go(4)
         assert world.end()
         assert team.steps == [TICK]
-        assert world.lockstep.take_commands({3: None}) == {3: AHEAD}
+        assert world.lockstep.tick.commands({3: None}) == {3: AHEAD}
         status = team.statuses[-1]
         assert (status.state, status.epoch, status.driver) == (RobotState.RUNNING, 4, "behavior")
 

@@ -6,7 +6,7 @@ stored mirrored, so that every ray runs towards larger columns and rows.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, is_convex
 from zteam.kernels import simulator as kernels
+from zteam.kernels.binding import Floats
 from zteam.simulator.world.model import Device, Floorplan, Obstacle, Robot, Shape
 
-Floats = NDArray[np.float64]
 Plans = Sequence[tuple[Floorplan, kernels.Bitmap]]
 """Floor plans, each with its bitmap for kernels."""
 
@@ -25,32 +25,11 @@ NO_MOVER = -1
 """Owner of a group that stands still."""
 
 
-def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The empty squares of a bitmap (rows, columns), row 0 at the bottom: (4, rows * columns + 1).
-
-    Row q is the flattened field of quadrant q = (dx < 0) + 2 (dy < 0); its last entry is a parking place.
-    """
-    rows, columns = occupied.shape
-    sides = np.zeros((4, rows * columns + 1), np.uint8)
-    for quadrant in range(4):
-        view = occupied[:, ::-1] if quadrant & 1 else occupied
-        view = view[::-1] if quadrant & 2 else view
-        kernels.fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
-    return sides
-
-
-def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> kernels.Bitmap:
-    """A floor plan as kernels take it, with the fields of its bitmap."""
-    rows, columns = plan.occupied.shape
-    return kernels.Bitmap(fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max)
-
-
 def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
     """The floor plans with their bitmaps; those of one bitmap share its fields."""
-    fields = {
-        number: build_fields(bitmap) for number, bitmap in {id(p.occupied): p.occupied for p in floorplans}.items()
-    }
-    return [(plan, bitmap_of(plan, fields[id(plan.occupied)])) for plan in floorplans]
+    bitmaps = {id(plan.occupied): plan.occupied for plan in floorplans}
+    fields = {number: kernels.build_fields(occupied) for number, occupied in bitmaps.items()}
+    return [(p, (fields[id(p.occupied)], *p.occupied.shape, *p.cell, *p.pose, p.z_min, p.z_max)) for p in floorplans]
 
 
 def solid_bitmaps(plans: Plans) -> kernels.Bitmaps:
@@ -85,23 +64,22 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
     return groups
 
 
-ConvexParts = Callable[[Sequence[tuple[float, float]]], list[list[tuple[float, float]]]]
-"""Cuts a simple polygon into convex ones."""
-
-
-def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
+def solid_groups(groups: Sequence[Group]) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
     solid = []
     for group in groups:
-        parts: list[Shape] = []
-        for shape in group.shapes:
-            if shape.obstacle and is_convex(shape.points):
-                parts.append(shape)
-            elif shape.obstacle:
-                parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+        parts = [part for shape in group.shapes if shape.obstacle for part in _convex_parts(shape)]
         if parts:
             solid.append(group._replace(shapes=parts))
     return solid
+
+
+def _convex_parts(shape: Shape) -> list[Shape]:
+    if is_convex(shape.points):
+        return [shape]
+    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
+
+    return [replace(shape, points=points) for points in convex_parts(shape.points)]
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:
@@ -109,45 +87,16 @@ def place_shape(pose: Pose2, shape: Shape) -> Shape:
     return replace(shape, points=tuple(pose.compose(Pose2(x, y, 0.0))[:2] for x, y in shape.points))
 
 
-def make_polygons(groups: Sequence[Group]) -> kernels.Polygons:
+def make_polygons(groups: Iterable[Group]) -> kernels.Polygons:
     """Arrays of the groups' shapes; groups without shapes are left out."""
-    groups = [group for group in groups if group.shapes]
-    shapes = [shape for group in groups for shape in group.shapes]
-    points = np.array([point for shape in shapes for point in shape.points], float).reshape(-1, 2)
-    centres, radii = [], []
-    for group in groups:
-        corners = np.array([point for shape in group.shapes for point in shape.points], float)
-        centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-        centres.append(centre)
-        radii.append(float(np.hypot(*(corners - centre).T).max()))
-    return kernels.Polygons(
-        x=points[:, 0].copy(),
-        y=points[:, 1].copy(),
-        first_vertex=_starts([len(shape.points) for shape in shapes]),
-        z_min=np.array([shape.z_min for shape in shapes], float),
-        z_max=np.array([shape.z_max for shape in shapes], float),
-        first_shape=_starts([len(group.shapes) for group in groups]),
-        owner=np.array([group.owner for group in groups], np.int64),
-        centre=np.array(centres, float).reshape(-1, 2),
-        radius=np.array(radii, float),
-    )
-
-
-def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    return np.cumsum([0, *counts], dtype=np.int32)
+    found = [(group.owner, [(s.points, s.z_min, s.z_max) for s in group.shapes]) for group in groups if group.shapes]
+    return kernels.Polygons(found)
 
 
 def mount_devices(owned: Sequence[tuple[int, Device]]) -> kernels.Rays:
     """Where the robots' devices are mounted in the base frames, by the robots' indexes."""
     x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T
     return kernels.Rays(np.stack((x, y, yaw)), z.copy(), np.array([owner for owner, _ in owned], np.int64))
-
-
-def rays_of(poses: Floats, mounts: kernels.Rays) -> kernels.Rays:
-    """The devices' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
-    rays = mounts._replace(at=np.empty_like(mounts.at))
-    kernels.place_mounts(mounts, poses, rays)
-    return rays
 
 
 class Caster:
@@ -173,8 +122,7 @@ class Caster:
         """The ranges in metres, and hits, (fans, beams); a ray that hits nothing is `limit` long."""
         fans.ranges.fill(fans.beams.limit)
         fans.hits.fill(self.nothing)
-        for index in range(self._bitmaps.count):
-            kernels.cast_squares(self._bitmaps, index, fans, self.nothing + 1 + index)
+        kernels.cast_squares(self._bitmaps, fans, self.nothing + 1)
         kernels.cast_edges(self._polygons, fans)
         return fans.ranges, fans.hits
 

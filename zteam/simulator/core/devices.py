@@ -4,23 +4,19 @@ What they are is in `zteam.simulator.world.devices`, their messages are in `ztea
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zteam import names
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.simulator import BeamTable, Fans, Rays
-from zteam.messages import Blob, ColorRGBA, Fiducial, Message
-from zteam.simulator.core.casting import NO_MOVER, Caster, SensedWorld, mount_devices, rays_of
-from zteam.simulator.core.observation import Detections, Observation
+from zteam.kernels.simulator import BeamTable, Fans, Floats, Rays
+from zteam.messages import Blob, ColorRGBA, Fiducial
+from zteam.simulator.core.casting import NO_MOVER, SensedWorld, mount_devices
 from zteam.simulator.world.colors import find_color
-from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
-from zteam.simulator.world.model import FiducialMarker
-
-Floats = NDArray[np.float64]
+from zteam.simulator.world.devices import KINDS, Blobfinder, BumperPiece, Finder
 
 _TOUCH = 0.02
 """A bumper is pressed by what is this near: Stage's raster."""
@@ -34,30 +30,10 @@ Sense = Callable[[Floats], Sequence[Any]]
 """What all devices of one kind detect with the movers at `poses`, one value each; `visible` is there already."""
 
 
-class Sensor(NamedTuple):
-    """One row: how a kind of device senses, and how that becomes a message."""
-
-    kind: DeviceKind
-    message: Callable[[Observation, int, int], Message]
-    """The message of a robot (by id) of a number, of one tick."""
-    prepare: Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense] | None = None
-    """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
-
-
-class _Target(NamedTuple):
-    """A marker and the model that bears it."""
-
-    marker: FiducialMarker
-    source: int
-    """As in `zteam.simulator.core.casting.Group`; so is the mover."""
-    mover: int
-    fixed: Pose2
-    """Where the model stands if it does not move."""
-
-    def place(self, poses: Floats) -> Pose2:
-        """In `map`."""
-        model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
-        return model.compose(Pose2(self.marker.x, self.marker.y, self.marker.yaw))
+Prepare = Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense]
+"""For all devices of one kind, each with its robot's index."""
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
 
 
 def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
@@ -69,14 +45,14 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
 
 
 def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> Sense:
-    visible, at = scene.visible, mount_devices(owned)
+    visible, own = scene.visible, Fans(mount_devices(owned), BeamTable.ahead(0.0))
     targets = [
-        _Target(marker, source, mover, model.pose)
+        (marker, source, mover, model.pose)
         for source, (mover, model) in enumerate(scene.models)
         for marker in model.markers
     ]
-    sources = np.array([target.source for target in targets], np.int64)
-    keys = np.array([target.marker.key for target in targets], np.int64)
+    sources = np.array([source for _, source, _, _ in targets], np.int64)
+    keys = np.array([marker.key for marker, *_ in targets], np.int64)
 
     def find(i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
         """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
@@ -100,7 +76,7 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
             seen |= ranges[:, 0] >= far[chosen]
         return tuple(
             Fiducial(
-                targets[k].marker.id if far[k] <= finder.range_max_id else 0,
+                targets[k][0].id if far[k] <= finder.range_max_id else 0,
                 float(far[k]),
                 float(bearing[k]),
                 normalize_angle(float(places[k, 2]) - here.yaw),
@@ -109,8 +85,11 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
         )
 
     def sense(poses: Floats) -> list[tuple[Fiducial, ...]]:
-        here = rays_of(poses, at).at.T.tolist()
-        places = np.array([target.place(poses) for target in targets], float).reshape(-1, 3)
+        own.place(poses)
+        here = own.at.T.tolist()
+        models = [fixed if mover == NO_MOVER else Pose2(*poses[mover].tolist()) for _, _, mover, fixed in targets]
+        markers = [Pose2(marker.x, marker.y, marker.yaw) for marker, *_ in targets]
+        places = np.array([a.compose(b) for a, b in zip(models, markers, strict=True)], float).reshape(-1, 3)
         return [find(i, Pose2(*pose), finder, places) for (i, finder), pose in zip(owned, here, strict=True)]
 
     return sense
@@ -118,52 +97,66 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
 
 def prepare_bumpers(scene: SensedWorld, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
-    at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    mounts = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    fans = Fans(mounts, BeamTable.ahead(_BEHIND + _TOUCH))
     ends = np.cumsum([len(own.owner) for own in rays])
     solid = scene.caster(lambda surface: surface.obstacle)
 
     def sense(poses: Floats) -> list[bool]:
         solid.move(poses)
-        ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
-        hit = ranges[:, 0] < _BEHIND + _TOUCH
-        return [bool(part.any()) for part in np.split(hit, ends[:-1])]
+        fans.place(poses)
+        ranges, _ = solid.cast(fans)
+        return [bool(part.any()) for part in np.split(ranges[:, 0] < _BEHIND + _TOUCH, ends[:-1])]
 
     return sense
 
 
 def prepare_blobfinders(scene: SensedWorld, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
-    visible = scene.visible
-    return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
+    visible, fans = scene.visible, [_pixel_rays(i, finder) for i, finder in owned]
+
+    def find(finder: Blobfinder, pixels: Fans, poses: Floats) -> tuple[Blob, ...]:
+        pixels.place(poses)
+        ranges, hit = visible.cast(pixels)
+        colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
+        blobs, begin, beams = [], 0, pixels.beams
+        for color, group in groupby(colors):
+            end = begin + len(list(group))
+            if color and (not finder.colors or color in finder.colors):
+                middle = beams.angle_min + beams.increment * 0.5 * (begin + end - 1)
+                rgba, nearest = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0))), float(ranges[0, begin:end].min())
+                blobs.append(Blob(rgba, color, middle, beams.increment * (end - begin), nearest))
+            begin = end
+        return tuple(blobs)
+
+    return lambda poses: [find(finder, own, poses) for (_, finder), own in zip(owned, fans, strict=True)]
 
 
-def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
-    # A single pixel looks straight ahead.
+def _pixel_rays(owner: int, finder: Blobfinder) -> Fans:
+    """A ray for each pixel of a blob finder; a single one looks straight ahead."""
     angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
     step = finder.fov / max(1, finder.samples - 1)
     angles = angle_min + step * np.arange(finder.samples)
     beams = BeamTable(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
-    ranges, hit = visible.cast(Fans(rays_of(poses, mount_devices([(i, finder)])), beams))
-    colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
-    blobs, begin = [], 0
-    for color, group in groupby(colors):
-        end = begin + len(list(group))
-        if color and (not finder.colors or color in finder.colors):
-            middle = angle_min + step * 0.5 * (begin + end - 1)
-            rgba = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0)))
-            blobs.append(Blob(rgba, color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
-        begin = end
-    return tuple(blobs)
+    return Fans(mount_devices([(owner, finder)]), beams)
+
+
+PREPARE: dict[str, Prepare] = {
+    names.FIDUCIALS: prepare_fiducials,
+    names.BUMPER: prepare_bumpers,
+    names.BLOBS: prepare_blobfinders,
+}
+"""How devices sense, by topic."""
 
 
 class Devices:
     """All devices of all robots, but for rangers."""
 
-    def __init__(self, scene: SensedWorld, sensors: Iterable[Sensor]) -> None:
+    def __init__(self, scene: SensedWorld) -> None:
         self._senses: list[tuple[str, list[int], Sense]] = []
-        for kind, _, prepare in sensors:
-            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in kind.of(robot)]
-            if owned and prepare is not None:
-                self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
+        for topic, prepare in PREPARE.items():
+            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in KINDS[topic].of(robot)]
+            if owned:
+                self._senses.append((topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:
         """What every robot with devices detects, by the robot's index; `visible` has been moved to `poses`."""

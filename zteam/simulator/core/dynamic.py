@@ -21,8 +21,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Point2, Pose2, is_convex
-from zteam.kernels.simulator import find_overlaps, follow, hold
+from zteam.geometry import Point2, Pose2
+from zteam.kernels.simulator import Floats, find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,
@@ -34,8 +34,6 @@ from zteam.simulator.core.casting import (
 )
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Lines = NDArray[np.intp]
 """(lines, 4): from x, y to x, y in cells."""
 
@@ -75,10 +73,10 @@ _get_position, _get_angle = _body.position.fget, _body.angle.fget
 class _Builder:
     """Adds what collides to a space; bodies collide if they share a slab, a layer of height."""
 
-    def __init__(self, space: pymunk.Space, shapes: Sequence[Shape]) -> None:
+    def __init__(self, space: pymunk.Space, shapes: Iterable[Shape]) -> None:
         self._space = space
         # Between the heights at which what collides begins or ends; the topmost are one if there are too many.
-        heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
+        heights = sorted({z for shape in shapes for z in (shape.z_min, shape.z_max)})
         self._slabs = list(itertools.pairwise([-math.inf, *heights[: _MAX_SLABS - 1], math.inf]))
 
     def add_walls(self, plan: Floorplan, lines: Lines) -> None:
@@ -96,11 +94,9 @@ class _Builder:
 
     def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
-            if shape.obstacle:
-                for part in convex_parts(shape.points):
-                    poly = pymunk.Poly(body, part)
-                    poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
-                    self._space.add(poly)
+            poly = pymunk.Poly(body, shape.points)
+            poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
+            self._space.add(poly)
 
     def add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
         body = pymunk.Body(mass, moment)
@@ -119,11 +115,13 @@ class _Builder:
 class Cores:
     """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
 
-    def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
+    def __init__(self, solid: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
-        solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
-        self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
+        self._polygons = make_polygons(
+            group if group.owner == NO_MOVER else group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
+            for group in solid
+        )
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
@@ -142,7 +140,7 @@ class Cores:
         find_overlaps(self._polygons, self._bitmaps, False, self.in_wall)
         find_overlaps(self._polygons, self._bitmaps, self._apart, self._tangled)
 
-    def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
+    def hold(self, poses: Floats, ends: Floats, suspects: NDArray[np.bool_]) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
         if self._apart and self._tangled.any():
             self.look(poses)
@@ -158,25 +156,25 @@ class DynamicBodies:
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
-        groups = group_shapes(robots, obstacles)
-        builder = _Builder(self._space, [shape for group in groups for shape in group.shapes])
+        solid = solid_groups(group_shapes(robots, obstacles))
+        builder = _Builder(self._space, itertools.chain(*(group.shapes for group in solid)))
         for plan, lines in _find_walls([plan for plan, _ in plans if plan.obstacle]):
             builder.add_walls(plan, lines)
-        for group in groups:
+        for group in solid:
             if group.owner == NO_MOVER:
                 builder.add_shapes(self._space.static_body, group.shapes)
+        shapes = {group.owner: group.shapes for group in solid}
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
-        self._robots = [builder.add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
-        self._pushed = [
-            builder.add_body(o.mass or 1.0, _moment(o), o.shapes, p)
-            for o, p in zip(pushed, poses[len(robots) :], strict=True)
-        ]
-        self._bodies = [*self._robots, *self._pushed]
+        masses = [(robot.mass, math.inf) for robot in robots]
+        masses += [(thing.mass or 1.0, _moment(thing)) for thing in pushed]
+        movers = enumerate(zip(masses, poses, strict=True))
+        self._bodies = [builder.add_body(*mass, shapes.get(i, ()), pose) for i, (mass, pose) in movers]
+        self._robots, self._pushed = self._bodies[: len(robots)], self._bodies[len(robots) :]
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
         self.stalled, self.met = np.zeros((2, len(robots)), bool)
         self._touching = [False] * len(robots)
-        self._cores = Cores(groups, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
+        self._cores = Cores(solid, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
         self._index = {body: i for i, body in enumerate(self._robots)}
@@ -249,11 +247,14 @@ class DynamicBodies:
         cut = np.flatnonzero(shares < 1.0).tolist()
         self._held[cut] = True
         for i in cut:
-            body = self._bodies[i]
-            x, y, yaw = self.poses[i].tolist()
-            body.position, body.angle = (x, y), yaw
-            body.velocity, body.angular_velocity = body.velocity * shares[i], body.angular_velocity * shares[i]
-            self._space.reindex_shapes_for_body(body)
+            self._put(i, shares[i])
+
+    def _put(self, index: int, share: float) -> None:
+        """Put a body at its pose, with this share of its velocity."""
+        body, (x, y, yaw) = self._bodies[index], self.poses[index].tolist()
+        body.position, body.angle = (x, y), yaw
+        body.velocity, body.angular_velocity = body.velocity * share, body.angular_velocity * share
+        self._space.reindex_shapes_for_body(body)
 
     def _anchor(self) -> None:
         """Fix a body that stands in a wall: it stops others, and nothing moves it."""
@@ -267,10 +268,8 @@ class DynamicBodies:
         self._anchored[:] = self._cores.in_wall
 
     def place(self, index: int, pose: Pose2) -> None:
-        body = self._bodies[index]
-        body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
-        self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
+        self._put(index, 0.0)
         self._cores.look(self.poses)
         self._anchor()
 
@@ -324,11 +323,6 @@ def _distance(a: Point2, b: Point2, c: Point2) -> float:
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
 
 
-def _with_cores(group: Group, rim: float) -> Group:
-    shapes = group.shapes if group.owner == NO_MOVER else [_core(shape, rim) for shape in group.shapes]
-    return group._replace(shapes=shapes)
-
-
 def _core(shape: Shape, rim: float) -> Shape:
     """A convex shape less a rim, of at most half of its half width."""
     rim = min(rim, 0.5 * _half_width(shape.points))
@@ -346,16 +340,15 @@ def _core(shape: Shape, rim: float) -> Shape:
     return replace(shape, points=tuple(left))
 
 
-def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
+def _find_walls(plans: Sequence[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
     """Each plan and its border; plans of one bitmap share it. Raises UsageError if there are more than MAX_WALLS."""
-    borders: dict[int, Lines | None] = {}
+    bitmaps = {id(plan.occupied): plan.occupied for plan in plans}
+    borders = {number: _find_border(occupied) for number, occupied in bitmaps.items()}
     left = MAX_WALLS
     for plan in plans:
-        if id(plan.occupied) not in borders:
-            borders[id(plan.occupied)] = _find_borders(plan.occupied, MAX_WALLS)
         lines = borders[id(plan.occupied)]
-        left -= 0 if lines is None else len(lines)
-        if lines is None or left < 0:
+        left -= len(lines)
+        if left < 0:
             raise UsageError(
                 f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
                 "smooth it, or take the physics stage or kinematic"
@@ -363,12 +356,10 @@ def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]
         yield plan, lines
 
 
-def _find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:
-    """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
+def _find_border(occupied: NDArray[np.bool_]) -> Lines:
+    """The border of the occupied cells as maximal straight runs."""
     y, left, right = _runs(occupied)
     x, low, high = _runs(occupied.T)
-    if len(x) + len(y) > limit:
-        return None
     return np.concatenate([np.stack([x, low, x, high], axis=1), np.stack([left, y, right, y], axis=1)])
 
 
@@ -385,11 +376,8 @@ def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
     return lines, begins, ends
 
 
-def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+def convex_parts(points: Sequence[Point2]) -> list[tuple[Point2, ...]]:
     """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
-    if is_convex(points):
-        return [list(points)]
-    closed = [*points, points[0]]
-    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
+    parts = pymunk.autogeometry.convex_decomposition([*points, points[0]], 0.0)
     # Chipmunk closes its polygons with their first corner.
-    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]
+    return [tuple((float(x), float(y)) for x, y in part[:-1]) for part in parts]

@@ -5,32 +5,106 @@ sense at its end. The same world, seed and commands give the same bytes.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from zteam import names
 from zteam.clock import NS_PER_S, to_ns
 from zteam.config.robot_ids import format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
-from zteam.messages import Twist
-from zteam.simulator.core.bodies import Bodies, make_bodies
+from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import Floats
+from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
-from zteam.simulator.core.devices import Devices
-from zteam.simulator.core.lasers import Lasers, Scans
-from zteam.simulator.core.motion import WheelOdometry, keep_what_is_left, make_bases
-from zteam.simulator.core.observation import Observation, RobotObservation, Snapshot, pose_of
-from zteam.simulator.core.to_messages import SENSORS
+from zteam.simulator.core.devices import Detections, Devices
+from zteam.simulator.core.lasers import Lasers, Reading
+from zteam.simulator.core.motion import JOINTS, Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
 
-Floats = NDArray[np.float64]
-
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
+
+
+class Joints(NamedTuple):
+    """A robot's wheels: angles since the start in radians, rates in rad/s."""
+
+    names: tuple[str, ...]
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+
+
+class RobotObservation(msgspec.Struct, frozen=True, eq=False):
+    """What one robot senses at a tick's end."""
+
+    robot: Robot
+    velocity: tuple[float, float, float]
+    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
+    stall: bool
+    """Commanded to move, but blocked."""
+    _pose: Sequence[float]
+    """x, y, yaw in `map`, not wrapped; so is that of its odometry."""
+    _odom: Sequence[float]
+    readings: Sequence[Reading]
+    """Of its rangers, in file order, as all devices."""
+    detections: Detections
+    """What its other devices detect, by topic."""
+    _angles: Floats
+    """Of its wheels, as their rates."""
+    _rates: Floats
+
+    @property
+    def truth(self) -> Pose2:
+        """In `map`."""
+        return pose_of(self._pose)
+
+    @property
+    def odom(self) -> Pose2:
+        """Since the start, by its own wheels: starts at zero, and follows what the base did."""
+        return pose_of(self._odom)
+
+    @property
+    def joints(self) -> Joints:
+        wheels = tuple(name for name, _ in JOINTS[self.robot.drive])
+        return Joints(wheels, tuple(self._angles.tolist()), tuple(self._rates.tolist()))
+
+    @property
+    def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
+        return self.detections.get(names.FIDUCIALS, ())
+
+    @property
+    def bumpers(self) -> tuple[bool, ...]:
+        """Pressed or not."""
+        return self.detections.get(names.BUMPER, ())
+
+    @property
+    def blobs(self) -> tuple[tuple[Blob, ...], ...]:
+        """Of its blob finders, right to left."""
+        return self.detections.get(names.BLOBS, ())
+
+
+def pose_of(row: Sequence[float]) -> Pose2:
+    """The pose of x, y and yaw, its yaw in [-pi, pi]."""
+    x, y, yaw = row
+    return Pose2(x, y, normalize_angle(yaw))
+
+
+class Observation(msgspec.Struct, frozen=True, eq=False):
+    """The world at a tick's end."""
+
+    stamp: int
+    """Nanoseconds of simulated time."""
+    tick: int
+    robots: Mapping[int, RobotObservation]
+    """By id."""
+    pushed: Mapping[str, Pose2]
+    """Where the things that can be pushed are, in `map`, by name."""
 
 
 class RobotArrays:
@@ -59,7 +133,7 @@ class RobotArrays:
             self.bodies.adopt(old.bodies, kept)
         self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
-        self._devices = Devices(self._scene, SENSORS.values())
+        self._devices = Devices(self._scene)
 
     def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
@@ -68,9 +142,7 @@ class RobotArrays:
             poses[here] = old.bodies.poses[there]
             self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
             self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
-            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
-            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
-            self._wheels.angles[mine] = old._wheels.angles[theirs]
+            self.bases.angles[self._wheels[here]] = old.bases.angles[old._wheels[there]]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
@@ -104,19 +176,20 @@ class RobotArrays:
         poses = self.bodies.poses
         if not bases_only:
             self._scene.visible.move(poses)
-        snapshot = Snapshot(
-            robots=self._robots,
-            scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),
-            poses=poses.tolist(),
-            odom=self.odometry.poses.tolist(),
-            velocity=self.bases.velocity.tolist(),
-            stalled=self.bodies.stalled.copy(),
-            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            detections={} if bases_only else self._devices.sense(poses),
-        )
-        robots = {robot_id: RobotObservation(snapshot, i) for robot_id, i in self.ids.items()}
-        places = map(pose_of, snapshot.poses[len(self._robots) :])
-        return Observation(now, tick, robots, {o.name: pose for o, pose in zip(self._pushed, places, strict=True)})
+        readings = None if bases_only else self._lasers.measure(poses, tick)
+        detections = {} if bases_only else self._devices.sense(poses)
+        angles, rates = self.bases.angles.copy(), self.bases.rates.copy()
+        places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
+        velocity = self.bases.velocity.tolist()
+        robots = {
+            robot_id: RobotObservation(
+                self._robots[i], tuple(velocity[i]), stalled[i], places[i], odom[i], readings[i] if readings else (),
+                detections.get(i, {}), angles[self._wheels[i]], rates[self._wheels[i]],
+            )
+            for robot_id, i in self.ids.items()
+        }  # fmt: skip
+        pushed = zip(self._pushed, places[len(self._robots) :], strict=True)
+        return Observation(now, tick, robots, {thing.name: pose_of(pose) for thing, pose in pushed})
 
 
 class Engine:
@@ -212,8 +285,7 @@ class Engine:
 
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError if it is not there."""
-        if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+        self._check_there(robot_id)
         del self._robots[robot_id]
         if self._arrays is not None:
             # Another robot of this id starts anew.
@@ -252,9 +324,10 @@ class Engine:
 
     def _index(self, robot_id: int) -> int:
         """A robot's place in the arrays. Raises UsageError if it is not there."""
-        if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+        self._check_there(robot_id)
         return self._assembled().ids[robot_id]
 
-    def _no_robot(self, robot_id: int) -> UsageError:
-        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
+    def _check_there(self, robot_id: int) -> None:
+        if robot_id not in self._robots:
+            there = format_robot_ids(self._robots) or "none"
+            raise UsageError(f"no robot {robot_id} in this world: it has {there}")

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from zteam.config.simulation_options import Options
 from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import BeamTable, Fans, Rays, place_mounts
+from zteam.kernels.simulator import BeamTable, Fans, Floats, Rays
 from zteam.simulator.core.casting import Caster, mount_devices
 from zteam.simulator.world.model import Ranger, Robot
-
-Floats = NDArray[np.float64]
 
 _RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(5)
 """Streams of random numbers: no two kinds of noise draw the same numbers."""
@@ -42,61 +40,75 @@ class _Mount(NamedTuple):
     """States of its streams of randomness, by kind."""
 
 
-class _Noise:
-    """Of one batch, each (scans, 1).
-
-    Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths.
-    """
-
-    def __init__(self, mounts: Sequence[_Mount], options: Options) -> None:
-        triples = np.array([m.ranger.noise for m in mounts], float)
-        self.sigma = np.sqrt(triples[:, :1] + options.gaussian_noise**2)
-        """Metres."""
-        self.proportional = np.full((len(mounts), 1), options.proportional_noise)
-        """Standard deviation by range."""
-        self.uniform, self.angular = triples[:, 1:2], 0.5 * triples[:, 2:3]
-        """Half widths by range, and in increments."""
-        self.states = np.array([m.states for m in mounts], np.uint64).T
-        """(kinds, scans)"""
-        self.is_none = not triples.any() and not (options.gaussian_noise or options.proportional_noise)
+Readings = list[list[Reading]]
+"""What all rangers measured at one instant: by robot, in the order of its rangers."""
 
 
 class _Batch:
-    """Rangers of one kind: they share beams and range, so one kernel call serves them."""
+    """Rangers of one kind: they share beams and range, so one kernel call serves them.
+
+    Stage's noise is a variance, a share of the range and a share of the increment, the latter two half widths.
+    """
 
     def __init__(self, mounts: list[_Mount], options: Options) -> None:
         self.mounts = mounts
-        ranger, noise = mounts[0].ranger, _Noise(mounts, options)
-        self.noise = None if noise.is_none else noise
+        ranger = mounts[0].ranger
         # A single ray looks straight ahead; several fill the field of view, its ends included.
         angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
         self.angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
-        jitter = float(noise.angular.max())
+        variance, self._uniform, angular = np.array([m.ranger.noise for m in mounts], float).T[:, :, None]
+        self._sigma = np.sqrt(variance + options.gaussian_noise**2)
+        """(scans, 1), as all noise: metres."""
+        self._proportional = np.full((len(mounts), 1), options.proportional_noise)
+        """Standard deviation by range."""
+        self._angular = 0.5 * angular
+        """Half widths in increments; the uniform noise is one by range."""
+        self._states = np.array([m.states for m in mounts], np.uint64).T
+        """(kinds, scans)"""
+        jitter = float(self._angular.max())
         # Beams that jitter are others in each scan.
         directions = np.tile(self.angles, (len(mounts) if jitter else 1, 1))
-        self.beams = BeamTable(
+        beams = BeamTable(
             np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
         )
-        self.range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-        self.at = mount_devices([(m.robot, m.ranger) for m in mounts])
-        """In the robots' base frames."""
-        self.rays = self.at._replace(at=np.empty_like(self.at.at))
-        """Where the sensors are at present."""
-        self.fans = Fans(self.rays, self.beams)
+        self._range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
+        self.fans = Fans(mount_devices([(m.robot, m.ranger) for m in mounts]), beams)
 
+    def measure(self, caster: Caster, intensity: NDArray[np.float32], options: Options, tick: int) -> Reading:
+        """The readings (scans, beams) where the fans are; `intensity` is that of the caster's surfaces."""
+        self._jitter(tick)
+        exact, hit = caster.cast(self.fans)
+        is_hit = hit != caster.nothing
+        wrong = self._disturbed(exact, tick)
+        if wrong is not exact:
+            exact[is_hit] = np.clip(wrong, 0.0, self.fans.beams.limit)[is_hit]
+        reading = Reading(exact.astype(np.float32), intensity.take(hit))
+        if options.below_min != "measured":
+            reading.ranges[reading.ranges < self._range_min] = -np.inf if options.below_min == "-inf" else 0.0
+        if options.no_hit == "inf":
+            reading.ranges[~is_hit] = np.inf
+        return reading
 
-class Scans(NamedTuple):
-    """What all rangers measured at one instant."""
+    def _jitter(self, tick: int) -> None:
+        """Turn each beam by its own share of an increment."""
+        beams = self.fans.beams
+        if beams.jitter:
+            draws = uniforms(streams(self._states[_ANGLE_NOISE], tick), len(self.angles))
+            angles = self.angles + (2.0 * draws - 1.0) * self._angular * beams.increment
+            np.cos(angles, out=beams.cos)
+            np.sin(angles, out=beams.sin)
 
-    arrays: list[Reading]
-    """By batch: (scans, beams)."""
-    rows: dict[tuple[int, int], tuple[int, int]]
-    """(robot index, ranger index) -> (batch, row)"""
-
-    def reading(self, robot: int, place: int) -> Reading:
-        batch, row = self.rows[robot, place]
-        ranges, intensities = self.arrays[batch]
-        return Reading(ranges[row], intensities[row])
+    def _disturbed(self, ranges: Floats, tick: int) -> Floats:
+        """Ranges with their noise; terms that are zero everywhere draw nothing."""
+        count, wrong = ranges.shape[1], ranges
+        for kind, scale in ((_RANGE_NOISE, self._sigma), (_SHARE_NOISE, self._proportional)):
+            if scale.any():
+                share = ranges if kind == _SHARE_NOISE else 1.0
+                wrong = wrong + scale * share * gaussians(streams(self._states[kind], tick), count)
+        if self._uniform.any():
+            draws = uniforms(streams(self._states[_UNIFORM_NOISE], tick), count)
+            wrong = wrong + (2.0 * draws - 1.0) * self._uniform * ranges
+        return wrong
 
 
 class Lasers:
@@ -105,8 +117,8 @@ class Lasers:
     def __init__(
         self, robots: Sequence[Robot], ids: Sequence[int], caster: Caster, options: Options, seed: int
     ) -> None:
-        self._caster = caster
-        self._options = options
+        self._caster, self._options = caster, options
+        self._counts = [len(robot.rangers) for robot in robots]
         kinds: dict[tuple[int, float, float], list[_Mount]] = {}
         for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
             for place, ranger in enumerate(robot.rangers):
@@ -114,94 +126,53 @@ class Lasers:
                 kind = ranger.samples, ranger.fov, ranger.range_max
                 kinds.setdefault(kind, []).append(_Mount(i, place, ranger, states))
         self._batches = [_Batch(mounts, options) for _, mounts in sorted(kinds.items())]
-        self._rows = {
-            (mount.robot, mount.place): (number, row)
-            for number, batch in enumerate(self._batches)
-            for row, mount in enumerate(batch.mounts)
-        }
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
 
-    def measure(self, poses: Floats, tick: int) -> Scans:
+    def measure(self, poses: Floats, tick: int) -> Readings:
         """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
-        arrays = [self._measure(batch, poses, tick) for batch in self._batches]
+        nothing = Reading(np.empty(0, np.float32), np.empty(0, np.float32))
+        found = [[nothing] * count for count in self._counts]
+        for batch in self._batches:
+            batch.fans.place(poses)
+            reading = batch.measure(self._caster, self._intensity, self._options, tick)
+            for mount, ranges, intensities in zip(batch.mounts, *reading, strict=True):
+                found[mount.robot][mount.place] = Reading(ranges, intensities)
         if self._options.dazzle != "off":
-            self._dazzle(arrays, tick)
-        for array in itertools.chain(*arrays):
+            self._dazzle(found, tick)
+        for array in itertools.chain(*itertools.chain(*found)):
             array.setflags(write=False)
-        return Scans(arrays, self._rows)
+        return found
 
-    def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
-        place_mounts(batch.at, poses, batch.rays)
-        noise = batch.noise
-        if noise is not None:
-            _jitter(batch, noise, tick)
-        exact, hit = self._caster.cast(batch.fans)
-        if noise is not None:
-            hits = hit != self._caster.nothing
-            exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, batch.beams.limit)[hits]
-        reading = Reading(exact.astype(np.float32), self._intensity.take(hit))
-        if self._options.below_min != "measured":
-            below = reading.ranges < batch.range_min
-            reading.ranges[below] = -np.inf if self._options.below_min == "-inf" else 0.0
-        if self._options.no_hit == "inf":
-            reading.ranges[hit == self._caster.nothing] = np.inf
-        return reading
-
-    def _dazzle(self, arrays: Sequence[Reading], tick: int) -> None:
+    def _dazzle(self, readings: Readings, tick: int) -> None:
         lasers = [
-            _Laser(number, row, mount, Pose2(*batch.rays.at[:, row].tolist()))
-            for number, batch in enumerate(self._batches)
+            _Laser(mount, Pose2(*batch.fans.at[:, row].tolist()), batch.angles)
+            for batch in self._batches
             for row, mount in enumerate(batch.mounts)
-            if mount.ranger.samples > 1
+            if mount.ranger.is_laser
         ]
         options = self._options
-        for victim, bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
-            batch, ranges = self._batches[victim.batch], arrays[victim.batch].ranges[victim.row]
-            off = np.abs(np.remainder(batch.angles - bearing + math.pi, math.tau) - math.pi)
-            struck = off <= options.dazzle_angle
+        for (mount, _, angles), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
+            ranges, ranger = readings[mount.robot][mount.place].ranges, mount.ranger
+            struck = np.abs(np.remainder(angles - bearing + math.pi, math.tau) - math.pi) <= options.dazzle_angle
             if options.dazzle == "scan" and struck.any():
                 struck[:] = True
             if options.dazzle == "max":
-                ranges[struck] = batch.beams.limit
+                ranges[struck] = ranger.range_max
             elif options.dazzle == "short":
                 share = uniforms(np.array([draw], np.uint64), len(struck))[0].astype(np.float32)
-                low = victim.mount.ranger.range_min
-                true = np.minimum(ranges, np.float32(batch.beams.limit))
-                ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
+                true = np.minimum(ranges, np.float32(ranger.range_max))
+                ranges[struck] = (ranger.range_min + share * np.maximum(true - ranger.range_min, 0.0))[struck]
             else:
                 ranges[struck] = np.nan
-
-
-def _jitter(batch: _Batch, noise: _Noise, tick: int) -> None:
-    """Turn each beam by its own share of an increment."""
-    beams = batch.beams
-    if beams.jitter:
-        draws = uniforms(streams(noise.states[_ANGLE_NOISE], tick), len(batch.angles))
-        angles = batch.angles + (2.0 * draws - 1.0) * noise.angular * beams.increment
-        np.cos(angles, out=beams.cos)
-        np.sin(angles, out=beams.sin)
-
-
-def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
-    """Ranges with their noise; terms that are zero everywhere draw nothing."""
-    count = ranges.shape[1]
-    wrong = ranges.copy()
-    for kind, scale in ((_RANGE_NOISE, noise.sigma), (_SHARE_NOISE, noise.proportional * ranges)):
-        if scale.any():
-            wrong += scale * gaussians(streams(noise.states[kind], tick), count)
-    if noise.uniform.any():
-        draws = uniforms(streams(noise.states[_UNIFORM_NOISE], tick), count)
-        wrong += (2.0 * draws - 1.0) * noise.uniform * ranges
-    return wrong
 
 
 class _Laser(NamedTuple):
     """A laser that may dazzle others and be dazzled; its pose is in `map`."""
 
-    batch: int
-    row: int
     mount: _Mount
     pose: Pose2
+    angles: Floats
+    """Of its beams."""
 
 
 def _find_dazzled(

@@ -1,23 +1,95 @@
-"""The bases of robots: their limits, their wheels, what a contact leaves of a speed, and odometry with its errors."""
+"""Bodies and the bases that move them: limits, wheels, what a contact leaves of a speed, odometry with its errors.
+
+Here are the bodies that never touch, of the physics "stage" and "kinematic".
+"""
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import Bases
-from zteam.simulator.world.model import Robot
+from zteam.kernels.simulator import Bases, Floats, follow, move_all
+from zteam.simulator.core.casting import Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
+from zteam.simulator.world.model import Obstacle, Robot
 
-Floats = NDArray[np.float64]
+
+class Bodies(Protocol):
+    """Everything that moves, and how it stops."""
+
+    poses: Floats
+    """(movers, 3): x, y, yaw in `map`; robots first, then what can be pushed."""
+    stalled: NDArray[np.bool_]
+    """(robots)"""
+    met: NDArray[np.bool_]
+    """(robots): whether something may have hindered it in the last step."""
+
+    def step(self, seconds: float, velocity: Floats) -> None:
+        """Advance by `seconds` with body velocities (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
+
+    def place(self, index: int, pose: Pose2) -> None:
+        """Put a mover somewhere, at rest."""
+
+    def adopt(self, old: Self, kept: Sequence[tuple[int, int]]) -> None:
+        """Take over the motion of `old`, for pairs of movers (index here, index there); the poses are set already."""
+
+
+def make_bodies(
+    physics: str, robots: Sequence[Robot], poses: Floats, obstacles: Sequence[Obstacle], plans: Plans
+) -> Bodies:
+    """The bodies of `physics` (`zteam.config.simulation_options.PHYSICS`), with all movers at `poses` (movers, 3)."""
+    if physics == "dynamic":
+        from zteam.simulator.core.dynamic import DynamicBodies  # pymunk: imported only where it is used
+
+        return DynamicBodies(robots, poses, plans, obstacles)
+    return KinematicBodies(robots, poses, plans, obstacles, tangents=physics == "stage")
+
+
+class KinematicBodies:
+    """Robots that stall instead of touching: a move that would end in a collision is not made at all.
+
+    This is what Stage does (with `tangents`, its own way of stepping), and the cheap way to move a crowd. Whatever else
+    could be pushed stands still. Polygons are exact: bitmaps are tested cell by cell, polygons in convex parts. Robots
+    move in the order of their ids.
+    """
+
+    def __init__(
+        self, robots: Sequence[Robot], poses: Floats, plans: Plans, obstacles: Sequence[Obstacle], *, tangents: bool
+    ) -> None:
+        self._robots = len(robots)
+        self._tangents = tangents
+        self._bitmaps = solid_bitmaps(plans)
+        self._polygons = make_polygons(solid_groups(group_shapes(robots, obstacles)))
+        self._bodiless = np.setdiff1d(np.arange(self._robots), self._polygons.owner)
+        self.poses = poses.copy()
+        self.stalled = self.met = np.zeros(self._robots, bool)
+
+    def step(self, seconds: float, velocity: Floats) -> None:
+        if not self._robots:
+            return
+        ends = follow(self.poses[: self._robots], velocity, seconds, tangents=self._tangents)
+        self._polygons.move(self.poses)
+        move_all(self._polygons, self._bitmaps, self.poses, ends, self.stalled)
+        self.poses[self._bodiless] = ends[self._bodiless]
+
+    def place(self, index: int, pose: Pose2) -> None:
+        self.poses[index] = pose
+        if index < self._robots:
+            self.stalled[index] = False
+
+    def adopt(self, old: "KinematicBodies", kept: Sequence[tuple[int, int]]) -> None:
+        for here, there in kept:
+            if here < self._robots:
+                self.stalled[here] = old.stalled[there]
+
 
 _STREAM = 100
 """Of odometry's errors, apart from the streams of the lasers' noise."""
 
-_JOINTS = {
+JOINTS = {
     # Wheel rates are rows times (vx, vy, w), over the wheel's radius; lengths in halves of the separation. A mecanum
     # base is taken to be square.
     "diff": (("wheel_left_joint", (1.0, 0.0, -1.0)), ("wheel_right_joint", (1.0, 0.0, 1.0))),
@@ -31,21 +103,9 @@ _JOINTS = {
 }
 
 
-class WheelJoints(NamedTuple):
-    """All wheels of all robots, in the order of the robots."""
-
-    names: list[tuple[str, ...]]
-    """By robot."""
-    first: list[int]
-    """(robots + 1): index of a robot's first wheel."""
-    angles: Floats
-    """(wheels): radians since the start."""
-    rates: Floats
-    """(wheels): rad/s."""
-
-
-def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
-    """Bases and wheels of the robots, at rest. Only omni drives go sideways; without limits acceleration has none."""
+def make_bases(robots: Sequence[Robot]) -> tuple[Bases, list[slice]]:
+    """Bases of the robots, at rest, and which wheels are whose. Only omni drives go sideways; without limits
+    acceleration has none."""
     limits = np.zeros((4, len(robots), 3))
     rows: list[tuple[float, float, float]] = []
     owner: list[int] = []
@@ -56,8 +116,8 @@ def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
         given = robot.acceleration
         limits[2:, i] = np.transpose((given.x, given.y, given.yaw) if given else ((-math.inf, math.inf),) * 3)
         radius, half = robot.wheel_radius, 0.5 * robot.wheel_separation
-        rows += [(vx / radius, vy / radius, w * half / radius) for _, (vx, vy, w) in _JOINTS[robot.drive]]
-        owner += [i] * len(_JOINTS[robot.drive])
+        rows += [(vx / radius, vy / radius, w * half / radius) for _, (vx, vy, w) in JOINTS[robot.drive]]
+        owner += [i] * len(JOINTS[robot.drive])
     bases = Bases(
         limits,
         np.array([robot.drive == "car" for robot in robots], bool),
@@ -66,9 +126,8 @@ def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
         np.array(owner, np.int64),
         np.array(rows, float).reshape(-1, 3),
     )
-    names = [tuple(name for name, _ in _JOINTS[robot.drive]) for robot in robots]
-    first = np.cumsum([0, *map(len, names)]).tolist()
-    return bases, WheelJoints(names, first, bases.angles, bases.rates)
+    first = np.cumsum([0, *(len(JOINTS[robot.drive]) for robot in robots)]).tolist()
+    return bases, list(map(slice, first, first[1:]))
 
 
 def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocity: Floats, setpoint: Floats) -> None:
@@ -107,19 +166,15 @@ class WheelOdometry:
         self._start, self.poses = bases.start, bases.odom
 
     def advance(self, before: Floats, after: Floats, tick: int) -> None:
-        """One tick, from the true poses `before` to `after`; `poses` are those without errors yet."""
-        if self._wrong:
-            draws = gaussians(streams(self._states, tick), 3)
-            self._integrate(before[self._wrong], after[self._wrong], draws)
-            self.poses[self._wrong] = self._counted
+        """One tick, by the arcs between the true poses `before` and `after`; `poses` are those without errors yet.
 
-    def _integrate(self, before: Floats, after: Floats, draws: Floats) -> None:
-        """Carry odometry on by the arcs from `before` to `after` (rows x, y, yaw), with errors.
-
-        Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6, `draws` (rows of 3) standard
-        normal): the way is a turn, a straight piece and a turn, each with its own variance; here both turns are half
-        the arc's.
+        Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6): the way is a turn, a straight
+        piece and a turn, each with its own variance; here both turns are half the arc's.
         """
+        if not self._wrong:
+            return
+        draws = gaussians(streams(self._states, tick), 3)
+        before, after = before[self._wrong], after[self._wrong]
         odom = self._counted
         dx, dy, turn = (after - before).T
         half = 0.5 * turn
@@ -138,6 +193,7 @@ class WheelOdometry:
         forward, left = forward + share * np.where(stands, 1.0, forward), left + share * np.where(stands, 0.0, left)
         cos, sin = np.cos(odom[:, 2] + first), np.sin(odom[:, 2] + first)
         odom += np.stack((cos * forward - sin * left, sin * forward + cos * left, first + second), axis=1)
+        self.poses[self._wrong] = odom
 
     def adopt(self, old: "WheelOdometry", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's state, for pairs (index here, index there)."""

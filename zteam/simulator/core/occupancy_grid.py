@@ -6,9 +6,9 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, in_polygon, signed_area
+from zteam.geometry import in_polygon, signed_area
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
-from zteam.simulator.world.model import World
+from zteam.simulator.world.model import Floorplan, World
 from zteam.simulator.world.placing import find_bounds, place_points, standing_polygons
 
 MAX_CELLS = 64_000_000
@@ -29,12 +29,7 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     y = low[1] + (np.arange(rows) + 0.5) * resolution
     grid = np.zeros((rows, columns), np.int8)
     for plan in world.floorplans:
-        # With a free border, for all that lies outside.
-        framed = np.pad(plan.occupied * np.int8(100), 1)
-        # In strips: whole arrays of coordinates would be the largest thing that a simulator ever holds.
-        for first in range(0, rows, _STRIP):
-            strip = slice(first, first + _STRIP)
-            _draw_plan(grid[strip], x, y[strip], plan.pose, framed, plan.cell)
+        _draw_plan(grid, x, y, plan)
         if min(plan.cell) < resolution:
             middles = (np.argwhere(plan.occupied)[:, ::-1] + 0.5) * np.array(plan.cell)
             _mark(grid, low, resolution, *place_points(plan.pose, middles).T)
@@ -61,23 +56,20 @@ def map_metadata(world: World, resolution: float) -> MapMetaData:
     return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
 
-def _draw_plan(
-    grid: np.ndarray, x: np.ndarray, y: np.ndarray, pose: Pose2, framed: np.ndarray, cell: tuple[float, float]
-) -> None:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    dx, dy = x[None, :] - pose.x, y[:, None] - pose.y
-    # Without a turn the column depends on x alone and the row on y alone: then these are no whole grids.
-    across, along = (cos * dx + sin * dy, cos * dy - sin * dx) if sin else (cos * dx, cos * dy)
-    rows, columns = framed.shape
-    grid |= framed[_number(along, cell[1], rows), _number(across, cell[0], columns)]
-
-
-def _number(places: np.ndarray, size: float, count: int) -> np.ndarray:
-    """The rows or columns of these places in a framed bitmap with `count` of them. Spoils `places`."""
-    places /= size
-    np.floor(places, out=places)
-    places += 1.0
-    return np.clip(places, 0.0, count - 1.0, out=places).astype(np.int32)
+def _draw_plan(grid: np.ndarray, x: np.ndarray, y: np.ndarray, plan: Floorplan) -> None:
+    # With a free border, for all that lies outside.
+    framed = np.pad(plan.occupied * np.int8(100), 1)
+    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
+    # In strips: whole arrays of coordinates would be the largest thing that a simulator ever holds.
+    for first in range(0, len(y), _STRIP):
+        dx, dy = x[None, :] - plan.pose.x, y[first : first + _STRIP, None] - plan.pose.y
+        # Without a turn the column depends on x alone and the row on y alone: then these are no whole grids.
+        across, along = (cos * dx + sin * dy, cos * dy - sin * dx) if sin else (cos * dx, cos * dy)
+        row, column = (
+            np.clip(np.floor(places / size) + 1.0, 0.0, count - 1.0).astype(np.int32)
+            for places, size, count in zip((along, across), plan.cell[::-1], framed.shape, strict=True)
+        )
+        grid[first : first + _STRIP] |= framed[row, column]
 
 
 def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y: np.ndarray) -> None:

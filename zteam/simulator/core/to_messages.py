@@ -1,32 +1,13 @@
-"""Observations as ROS messages, and the robots' transforms. `SENSORS` has a row for each kind of sensor."""
+"""Observations as ROS messages, and the robots' transforms. `BUILDERS` has a row for each kind of sensor."""
+
+from collections.abc import Callable
 
 import numpy as np
 
-from zteam import names
+from zteam import messages, names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
-from zteam.messages import (
-    Blobs,
-    Bool,
-    Bumper,
-    Fiducials,
-    Header,
-    JointState,
-    LaserScan,
-    Odometry,
-    PoseWithCovariance,
-    Quaternion,
-    Range,
-    TFMessage,
-    Transform,
-    TransformStamped,
-    Twist,
-    TwistWithCovariance,
-    Vector3,
-    time_from_ns,
-)
 from zteam.messages.planar import pose_message
-from zteam.simulator.core.devices import Sensor, prepare_blobfinders, prepare_bumpers, prepare_fiducials
-from zteam.simulator.core.observation import Observation, RobotObservation
+from zteam.simulator.core.engine import Observation, RobotObservation
 from zteam.simulator.world.devices import KINDS, DeviceKind
 from zteam.simulator.world.model import Robot
 
@@ -38,120 +19,117 @@ def _place(robot: Robot, lasers: bool, index: int) -> int:
     return [place for place, ranger in enumerate(robot.rangers) if ranger.is_laser == lasers][index]
 
 
-def scan_message(observation: Observation, robot_id: int, index: int) -> LaserScan:
+def scan_message(observation: Observation, robot_id: int, index: int) -> messages.LaserScan:
     """The scan of the robot's `index`-th laser, in `robot_N/base_laser_link[_i]`; no hit is `range_max`."""
     robot = observation.robots[robot_id]
     carrier = robot.robot
     place = _place(carrier, True, index) if len(carrier.rangers) > 1 else 0
-    ranger, (ranges, intensities) = carrier.rangers[place], robot.reading(place)
+    ranger, (ranges, intensities) = carrier.rangers[place], robot.readings[place]
     half = ranger.fov / 2
     step, low, high = ranger.angle_increment, ranger.range_min, ranger.range_max
     # By place: keywords take time.
-    return LaserScan(
+    return messages.LaserScan(
         header(observation, KINDS[names.BASE_SCAN], robot_id, index),
         -half, half, step, 0.0, 0.0, low, high, ranges, intensities,
     )  # fmt: skip
 
 
-def range_message(observation: Observation, robot_id: int, index: int) -> Range:
+def range_message(observation: Observation, robot_id: int, index: int) -> messages.Range:
     """The reading of the robot's `index`-th one-ray sensor, in `robot_N/sonar_i`."""
     robot = observation.robots[robot_id]
     place = _place(robot.robot, False, index)
     ranger = robot.robot.rangers[place]
-    return Range(
+    return messages.Range(
         header=header(observation, KINDS[names.SONAR], robot_id, index),
         radiation_type=_INFRARED,
         field_of_view=ranger.fov,
         min_range=ranger.range_min,
         max_range=ranger.range_max,
-        range=float(robot.reading(place).ranges[0]),
+        range=float(robot.readings[place].ranges[0]),
     )
 
 
-def odometry_message(observation: Observation, robot_id: int, index: int = 0) -> Odometry:
+def odometry_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Odometry:
     """Odometry since the start, in `robot_N/odom`."""
     robot = observation.robots[robot_id]
     frame = names.robot_frame(robot_id, names.ODOM)
     return _odometry(observation.stamp, frame, robot_id, robot.odom, robot)
 
 
-def ground_truth_message(observation: Observation, robot_id: int, index: int = 0) -> Odometry:
+def ground_truth_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Odometry:
     """The true pose in `map`; the twist is in the robot's own frame, as a nav_msgs/Odometry's is."""
     robot = observation.robots[robot_id]
     return _odometry(observation.stamp, names.MAP_FRAME, robot_id, robot.truth, robot)
 
 
-def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotObservation) -> Odometry:
+def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotObservation) -> messages.Odometry:
     vx, vy, w = robot.velocity
-    return Odometry(
-        Header(time_from_ns(stamp), frame),
+    return messages.Odometry(
+        messages.Header(messages.time_from_ns(stamp), frame),
         names.robot_frame(robot_id, names.BASE_FOOTPRINT),
-        PoseWithCovariance(pose_message(pose)),
-        TwistWithCovariance(Twist(Vector3(vx, vy, 0.0), Vector3(0.0, 0.0, w))),
+        messages.PoseWithCovariance(pose_message(pose)),
+        messages.TwistWithCovariance(messages.Twist(messages.Vector3(vx, vy, 0.0), messages.Vector3(0.0, 0.0, w))),
     )
 
 
-def joint_message(observation: Observation, robot_id: int, index: int = 0) -> JointState:
+def joint_message(observation: Observation, robot_id: int, index: int = 0) -> messages.JointState:
     """The wheels; joint names are the robot's own, without its prefix."""
     joints = observation.robots[robot_id].joints
-    return JointState(
-        Header(time_from_ns(observation.stamp), ""), list(joints.names), np.array(joints.positions),
+    return messages.JointState(
+        messages.Header(messages.time_from_ns(observation.stamp), ""), list(joints.names), np.array(joints.positions),
         np.array(joints.velocities),
     )  # fmt: skip
 
 
-def stall_message(observation: Observation, robot_id: int, index: int = 0) -> Bool:
+def stall_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Bool:
     """Whether the robot is commanded to move, but blocked."""
-    return Bool(observation.robots[robot_id].stall)
+    return messages.Bool(observation.robots[robot_id].stall)
 
 
-def fiducials_message(observation: Observation, robot_id: int, index: int) -> Fiducials:
+def fiducials_message(observation: Observation, robot_id: int, index: int) -> messages.Fiducials:
     """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
     seen = observation.robots[robot_id].fiducials[index]
-    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), list(seen))
+    return messages.Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), list(seen))
 
 
-def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> Bumper:
-    """All pieces of all of a robot's bumpers."""
-    pressed = np.array(observation.robots[robot_id].bumpers, bool)
-    return Bumper(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
-
-
-def blobs_message(observation: Observation, robot_id: int, index: int) -> Blobs:
+def blobs_message(observation: Observation, robot_id: int, index: int) -> messages.Blobs:
     """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
     seen = observation.robots[robot_id].blobs[index]
-    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), list(seen))
+    return messages.Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), list(seen))
 
 
-def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int) -> Header:
+def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Bumper:
+    """All pieces of all of a robot's bumpers."""
+    pressed = np.array(observation.robots[robot_id].bumpers, bool)
+    return messages.Bumper(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
+
+
+def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int) -> messages.Header:
     """The observation's stamp and the device's frame."""
-    return Header(time_from_ns(observation.stamp), kind.frame(robot_id, index))
+    return messages.Header(messages.time_from_ns(observation.stamp), kind.frame(robot_id, index))
 
 
-SENSORS: dict[str, Sensor] = {
-    sensor.kind.topic: sensor
-    for sensor in (
-        Sensor(KINDS[names.ODOM], odometry_message),
-        Sensor(KINDS[names.BASE_SCAN], scan_message),
-        Sensor(KINDS[names.GROUND_TRUTH], ground_truth_message),
-        Sensor(KINDS[names.STALL], stall_message),
-        Sensor(KINDS[names.JOINT_STATES], joint_message),
-        Sensor(KINDS[names.SONAR], range_message),
-        Sensor(KINDS[names.FIDUCIALS], fiducials_message, prepare_fiducials),
-        Sensor(KINDS[names.BUMPER], bumper_message, prepare_bumpers),
-        Sensor(KINDS[names.BLOBS], blobs_message, prepare_blobfinders),
-    )
+BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
+    names.ODOM: odometry_message,
+    names.BASE_SCAN: scan_message,
+    names.GROUND_TRUTH: ground_truth_message,
+    names.STALL: stall_message,
+    names.JOINT_STATES: joint_message,
+    names.SONAR: range_message,
+    names.FIDUCIALS: fiducials_message,
+    names.BUMPER: bumper_message,
+    names.BLOBS: blobs_message,
 }
-"""All that is measured of a robot, by topic, in the order in which it is published."""
+"""What builds the message of a robot (by id) of a number, of one tick: by the topic of what is measured."""
 
 
-def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:
+def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:
     """odom -> base_footprint at `stamp` (ns)."""
     parent, child = names.robot_frame(robot_id, names.ODOM), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-    return TFMessage([_transform(stamp, parent, child, odom, 0.0)])
+    return messages.TFMessage([_transform(stamp, parent, child, odom, 0.0)])
 
 
-def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMessage:
+def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> messages.TFMessage:
     """map -> odom (the start pose), base_footprint -> base_link -> every device."""
 
     def own(local: str) -> str:
@@ -166,9 +144,10 @@ def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMess
         for index, device in enumerate(kind.of(robot) if kind.link else ()):
             pose = Pose2(device.x, device.y, device.yaw)
             found.append(_transform(0, base, kind.frame(robot_id, index), pose, device.z))
-    return TFMessage(found)
+    return messages.TFMessage(found)
 
 
-def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> TransformStamped:
-    rotation = Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
-    return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(pose.x, pose.y, z), rotation))
+def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> messages.TransformStamped:
+    rotation = messages.Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
+    placed = messages.Transform(messages.Vector3(pose.x, pose.y, z), rotation)
+    return messages.TransformStamped(messages.Header(messages.time_from_ns(stamp), parent), child, placed)

@@ -1,17 +1,24 @@
-"""The robots' commands on `robot_N/cmd_vel`: the newest one of each robot, its sender, and its delay after the scan."""
+"""What moves robots: their newest commands on `robot_N/cmd_vel`, and which of them are stopped."""
 
+import logging
 import threading
-from collections.abc import Callable, Container
+from collections.abc import Callable, Collection, Container
+from functools import partial
 
 from zteam import names
+from zteam.bus import Bus
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
+from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
+from zteam.node.stopping import StopService, ask_stopped
 from zteam.node.tokens import TokenSet
 from zteam.node.writers import Writers
 from zteam.simulator.process.statistics import RunStatistics
+
+log = logging.getLogger("zteam")
 
 _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
 """What tells a robot from outside where to drive, besides `cmd_vel` itself."""
@@ -92,13 +99,11 @@ class RobotCommands:
         for topic in _FROM_OUTSIDE:
             self._node.bus.subscribe_raw(names.all_robots_key(topic), count)
 
-    def _holders_of(self, robot_id: int) -> frozenset[str]:
-        return self._holders.instances(names.robot_name(robot_id))
-
     def writers(self) -> dict[int, list[str]]:
         """Robots that more than one process commands, and the session ids of these processes."""
         with self._changed:
-            found = {i: others | self._holders_of(i) for i, others in self._others.recent(monotonic()).items()}
+            recent, holders = self._others.recent(monotonic()), self._holders.instances
+            found = {i: others | holders(names.robot_name(i)) for i, others in recent.items()}
         return {i: sorted(sessions)[:_MOST_WRITERS] for i, sessions in found.items() if len(sessions) > 1}
 
     def start_anew(self) -> None:
@@ -124,7 +129,9 @@ class RobotCommands:
         with self._changed:
             # A robot that was taken out of the world does not answer its last scan.
             self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if i in self._robots}
-            wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
+            wait_until(
+                self._changed, lambda: not any(names.robot_name(i) in self._holders for i in self._scan_sent), timeout
+            )
 
     def drain(self) -> dict[int, Twist]:
         """The commands since the last call, of robots in the world."""
@@ -137,3 +144,68 @@ class RobotCommands:
         with self._changed:
             holding = [names.robot_id_of(name) for name in sorted(self._holders)]
         return [i for i in holding if i is not None and i not in commands and i in self._robots]
+
+
+class Holds:
+    """Which robots' bodies the simulator holds: those that are stopped, whatever commands them.
+
+    The bus's threads change it, the main loop reads it once a tick: a query counts at once for those that ask, and for
+    the bodies from the next tick on.
+    """
+
+    def __init__(self, bus: Bus, on_change: Callable[[], None]) -> None:
+        """`on_change()` is called when a query has stopped or released a robot."""
+        self._bus, self._on_change = bus, on_change
+        self._served: dict[int, StopService] = {}
+        """By robot in the world."""
+        self._stopped: dict[int, bool] = {}
+        """What is known, by robot; the newest query counts. A robot that comes back to the world is what it was."""
+        self._has_learned = False
+        """Whether the others have been asked."""
+        bus.watch_tokens([names.tokens_key(names.ALL_ROBOTS)], self._on_robot)
+
+    def _on_robot(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        robot_id = None if token is None else names.robot_id_of(token[0])
+        service = None if robot_id is None or alive else self._served.get(robot_id)
+        if service is not None:
+            service.renew()
+
+    def match_robots(self, robots: Collection[int]) -> None:
+        """These are in the world now. One that comes while all others are stopped is stopped too."""
+        for gone in self._served.keys() - robots:
+            self._served.pop(gone).close()
+        known = sorted(self._served)
+        is_team_stopped = bool(known) and self.stopped == known
+        for robot_id in sorted(robots - self._served.keys()):
+            if is_team_stopped:
+                self._stopped[robot_id] = True
+            elif self._has_learned:
+                self._stopped.setdefault(robot_id, False)
+            own = partial(self._stopped.get, robot_id), partial(self._change, robot_id)
+            self._served[robot_id] = StopService(self._bus, robot_id, names.SIMULATOR, *own)
+
+    @property
+    def stopped(self) -> list[int]:
+        """The robots in the world that are stopped."""
+        return [robot_id for robot_id in sorted(self._served) if self._stopped.get(robot_id)]
+
+    def _change(self, robot_id: int, stopped: bool) -> None:
+        changed = stopped != self._stopped.get(robot_id, False)
+        self._stopped[robot_id] = stopped
+        if changed:
+            self._on_change()
+
+    def learn(self) -> None:
+        """At the start, when this process answers already: find out from the robots' processes which are stopped.
+
+        A robot without one is stopped if all that have one are. It waits.
+        """
+        found = [(robot_id, reply) for robot_id, reply in ask_stopped(self._bus, names.ALL_ROBOTS)]
+        told = {robot_id: reply.is_stopped for robot_id, reply in found if reply.by != names.SIMULATOR}
+        team = bool(told) and all(told.values())
+        for robot_id in self._served:
+            self._stopped.setdefault(robot_id, told.get(robot_id, team))
+        self._has_learned = True
+        if self.stopped:
+            log.info("%s begin stopped, as they were: 'zteam stop --release'", format_robot_ids(self.stopped))

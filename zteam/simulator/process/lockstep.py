@@ -7,19 +7,22 @@ A first answer that overtakes its session's token comes again: with each token t
 
 import logging
 import threading
-from collections.abc import Callable, Container
+from collections.abc import Callable
+from typing import TypeVar
 
 from zteam import names
 from zteam.bus.transport import Held
 from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
-from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
+from zteam.messages import Done, TeamState, TeamStatus, Tick
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import CertainTokens
 from zteam.simulator.process.open_tick import OpenTick
 
 log = logging.getLogger("zteam")
+
+T = TypeVar("T")
 
 Resend = Callable[[list[str]], None]
 """Send the open tick's inputs again, to these participants."""
@@ -44,9 +47,7 @@ class Patience:
     are named in the log and dropped."""
 
     def __init__(self, timeout: float, now: float) -> None:
-        self._timeout, self._looked = timeout, now
-        self.delay = RESEND
-        """Until the next repeat."""
+        self._timeout, self._looked, self.delay = timeout, now, RESEND
         self.start_anew()
 
     def start_anew(self) -> None:
@@ -85,7 +86,7 @@ class LockStep:
         self._timeout = options.timeout
         self._changed = threading.Condition()
         self.tick = OpenTick(options.expected, gate=options.gate)
-        """Only `waiting_for` and `take_commands` hold the lock for it."""
+        """Other threads `ask` it, but for lists that are replaced and not changed."""
         self.resends = 0
         """How often a tick was sent again."""
         self._for_tokens = 0.0, 0
@@ -156,31 +157,16 @@ class LockStep:
         """Whether the open tick waited so long that the log has said what for."""
         return self._patience.waited > NAME_AFTER
 
-    def waiting_for(self) -> str:
-        """What holds the world, in words; empty for nothing."""
+    def ask(self, question: Callable[[OpenTick], T]) -> T:
+        """What the open tick answers, under its lock."""
         with self._changed:
-            return self.tick.waiting_for()
-
-    def silent(self) -> list[str]:
-        """The participants that hold the world."""
-        with self._changed:
-            return self.tick.silent()
-
-    def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
-        """The commands that came with the answers, of robots that are in the world, by id."""
-        with self._changed:
-            return self.tick.commands(robots)
+            return question(self.tick)
 
     def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
         with self._changed:
             self._publisher.put_owned(self.tick.open(stamp, tick, robots, out))
         self._patience = Patience(self._timeout, monotonic())
-
-    def start_anew(self) -> None:
-        """The world returns to its start: answers to earlier ticks are ignored."""
-        with self._changed:
-            self.tick.start_anew()
 
     def wait(self, resend: Resend) -> bool:
         """Wait until every participant has answered the open tick; False when the process is asked to stop."""
@@ -228,7 +214,10 @@ class LockStep:
         if patience.is_over and not has_time:
             self._drop(missing)
         elif patience.names_silent():
-            lacking, reaches_others = _ask_lacking(self._node), self.tick.held or self._node.reaches_others()
+            # The inputs that participants wait for, in words, by the participant's name.
+            answers = self._node.bus.find(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
+            lacking = {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}
+            reaches_others = self.tick.held or self._node.reaches_others()
             with self._changed:
                 # The last answer may have come meanwhile.
                 if self.tick.waiting_for():
@@ -244,9 +233,3 @@ class LockStep:
                 name, self.tick.message.tick, self._patience.waited,
             )  # fmt: skip
         self._patience.start_anew()
-
-
-def _ask_lacking(node: ProcessNode) -> dict[str, str]:
-    """The inputs that participants wait for, in words, by the participant's name."""
-    answers = node.bus.find(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
-    return {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}

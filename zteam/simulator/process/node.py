@@ -7,8 +7,7 @@ is due; in real time when it is due (`run_ticks`).
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, Change, Deferred, NoRequest
@@ -25,8 +24,6 @@ from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Robot, Shape, World
 
 log = logging.getLogger("zteam")
-
-T = TypeVar("T")
 
 _DIGITS = 4
 """Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""
@@ -89,11 +86,19 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
         bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
 
     def serve_change(service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
-        """Answer with what `make` returns, or with the status afterwards."""
+        """Answer with what `make` returns, or with the status afterwards; with an error if the tick does not end."""
 
         def answer(request: Any) -> Deferred:
             future = boundary.submit(lambda: make(request) or simulation.status())
-            return Deferred(lambda: _result_of(future))
+
+            def result() -> Any:
+                try:
+                    return future.result(client.BOUNDARY_LIMIT)
+                except TimeoutError:
+                    text = f"the tick at hand did not end within {client.BOUNDARY_LIMIT:g} s: see 'zteam sim status'"
+                    raise BusError(text) from None
+
+            return Deferred(result)
 
         serve(service, request_type, answer)
 
@@ -103,7 +108,7 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
 
     def step(request: client.StepRequest) -> client.SimStatus | Deferred:
         def stand_still() -> client.SimStatus:
-            boundary.wait_for_steps()
+            boundary.wait(lambda: not pacer.paused or boundary.stands())
             return simulation.status()
 
         if boundary.finished:
@@ -112,10 +117,10 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
         return Deferred(stand_still) if request.wait else status
 
     def stand(request: client.WaitRequest) -> Deferred:
-        return Deferred(lambda: client.StandReply(boundary.wait_until_standing(request.timeout), simulation.status()))
+        return Deferred(lambda: client.StandReply(boundary.wait(boundary.stands, request.timeout), simulation.status()))
 
     def finish(request: client.WaitRequest) -> Deferred:
-        return Deferred(lambda: client.FinishReply(boundary.wait_until_finished(request.timeout)))
+        return Deferred(lambda: client.FinishReply(boundary.wait(lambda: boundary.finished, request.timeout)))
 
     serve("status", NoRequest, lambda _: simulation.status())
     serve("report", NoRequest, lambda _: simulation.report())
@@ -128,27 +133,22 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
     serve_change("repeat", Change, lambda _: simulation.repeat())
     # Nothing changes, but only between two ticks does what was sent stay as it is.
     serve_change("scans", client.ScansRequest, lambda request: simulation.scans(request.robots))
-    serve_change("reset", client.ResetRequest, lambda _request: simulation.reset())
+    serve_change("reset", Change, lambda _: simulation.reset())
     serve_change("spawn", client.SpawnRequest, lambda request: client.SpawnReply(simulation.spawn(request)))
     serve_change("remove", client.RemoveRequest, lambda request: simulation.remove(request.id))
     serve_change("fault", client.FaultRequest, lambda request: simulation.add_fault(request))
     serve_change("move", client.MoveRequest, simulation.move)
 
 
-def _result_of(change: Future[T]) -> T:
-    """The result of a change. Raises its ZteamError, or BusError if the open tick does not end in time."""
-    try:
-        return change.result(client.BOUNDARY_LIMIT)
-    except TimeoutError:
-        text = f"the tick at hand did not end within {client.BOUNDARY_LIMIT:g} s: see 'zteam sim status'"
-        raise BusError(text) from None
-
-
 def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
     """Serve both queries. They are answered from what is there, during a tick too."""
 
+    def robot_shape(robot: Robot) -> client.RobotShape:
+        lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
+        return client.RobotShape(robot.model, _outline(sorted(robot.shapes, key=lambda each: each.z_max)), lasers)
+
     def shapes(_: NoRequest) -> client.ShapesReply:
-        robots = {robot_id: _robot_shape(robot) for robot_id, robot in list(engine.robots.items())}
+        robots = {robot_id: robot_shape(robot) for robot_id, robot in list(engine.robots.items())}
         return client.ShapesReply(robots, sorted({*world.templates, "erratic"}))
 
     def obstacles(_: NoRequest) -> client.ObstaclesReply:
@@ -161,13 +161,6 @@ def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
 
     bus.serve(names.service_key(names.SIMULATOR, "shapes"), NoRequest, shapes)
     bus.serve(names.service_key(names.SIMULATOR, "obstacles"), NoRequest, obstacles)
-
-
-def _robot_shape(robot: Robot) -> client.RobotShape:
-    """A robot from above: its polygons from the ground up, and its lasers."""
-    shapes = sorted(robot.shapes, key=lambda shape: shape.z_max)
-    lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
-    return client.RobotShape(robot.model, _outline(shapes), lasers)
 
 
 def _outline(shapes: Sequence[Shape]) -> list[list[tuple[float, float]]]:

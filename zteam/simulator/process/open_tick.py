@@ -140,10 +140,6 @@ class OpenTick:
         return [name for name in self.members if name not in self.answers]
 
     @property
-    def complete(self) -> bool:
-        return all(map(self.answers.__contains__, self.members))
-
-    @property
     def absent(self) -> list[str]:
         """Expected processes that neither take part nor join."""
         return sorted(self._expected.difference(self.members, self.joining))
@@ -166,7 +162,7 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return self.complete and not self.must_reopen and self._start is not Start.HELD
+        return not self.missing() and not self.must_reopen and self._start is not Start.HELD
 
     def end(self) -> None:
         """The tick is over: the next one is to come."""

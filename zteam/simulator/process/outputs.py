@@ -1,19 +1,17 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, Publisher
 from zteam.messages import BaseInfo, Message, TFMessage, Twist
 from zteam.simulator.core import Engine, Observation, to_messages
 from zteam.simulator.world import Robot
+from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
 
-M = TypeVar("M", bound=Message)
-
-
-_Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
+Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
 """One key: its publisher, what builds its messages, and the number of the device among those of its kind."""
 
 
@@ -24,7 +22,7 @@ class RobotOutputs:
         self.robot, self._id = robot, robot_id
         self._publishers: list[Publisher[Any]] = []
 
-        def publisher(key: str, message_type: type[M], **options: bool) -> Publisher[M]:
+        def publisher(key: str, message_type: type[Message], **options: bool) -> Publisher[Any]:
             self._publishers.append(bus.publisher(key, message_type, **options))
             return self._publishers[-1]
 
@@ -35,11 +33,14 @@ class RobotOutputs:
         # In real time the robot itself publishes its command.
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
-            topic: [(publisher(kind.key(robot_id, i), kind.message), build, i) for i in range(kind.count(robot))]
-            for topic, (kind, build, _) in to_messages.SENSORS.items()
+            topic: [
+                (publisher(kind.key(robot_id, i), kind.message), to_messages.BUILDERS[topic], i)
+                for i in range(kind.count(robot))
+            ]
+            for topic, kind in KINDS.items()
         }
         # Robots compute their next command from these: they are published first.
-        self._odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
+        self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
         self._rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
@@ -51,24 +52,17 @@ class RobotOutputs:
         odom = observation.robots[self._id].odom
         self._tf.put_owned(to_messages.transforms(observation.stamp, self._id, odom))
 
-    def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
-        """Send its odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
-        self._put(self._odom, observation, again)
-
-    def put_scans(self, observation: Observation, *, again: bool = False) -> None:
-        """Send its scans; `again` as with `put_odometry`."""
-        self._put(self.scans, observation, again)
+    def put(self, outputs: Sequence[Output], observation: Observation, *, again: bool = False) -> None:
+        """Send `odom` or `scans`; with `again` a participant waits for them, and no subscriber needs to be known."""
+        for publisher, build, number in outputs:
+            if again or publisher.has_subscribers:
+                publisher.put_owned(build(observation, self._id, number))
 
     def put_rest(self, observation: Observation) -> None:
         """Send what no robot's next command depends on."""
         for publisher, build, number in self._rest:
             if publisher.has_subscribers:
                 publisher.put(build(observation, self._id, number))
-
-    def _put(self, outputs: Sequence[_Output], observation: Observation, again: bool) -> None:
-        for publisher, build, number in outputs:
-            if again or publisher.has_subscribers:
-                publisher.put_owned(build(observation, self._id, number))
 
 
 class TeamOutputs(dict[int, RobotOutputs]):

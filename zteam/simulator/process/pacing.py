@@ -7,14 +7,12 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam.clock import monotonic
 from zteam.config.numbers import percentile
 from zteam.errors import ZteamError
 from zteam.node.process_node import ProcessNode
-
-T = TypeVar("T")
 
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
@@ -126,9 +124,9 @@ class TickBoundary:
         self.finished = False
         """Whether the time of `--for` is over."""
 
-    def submit(self, change: Callable[[], T]) -> Future[T]:
+    def submit(self, change: Callable[[], Any]) -> Future[Any]:
         """Have the main loop call `change()` between two ticks. The future gets its result or its ZteamError."""
-        future: Future[T] = Future()
+        future: Future[Any] = Future()
         self._changes.append((future, change))
         self._node.wake()
         return future
@@ -139,24 +137,15 @@ class TickBoundary:
             change()
             self._node.changed.notify_all()
 
-    def wait_for_steps(self) -> None:
-        """Wait until the steps are done, the world is resumed or the process stops, however long that takes."""
-        # If the client that asked has gone, this thread ends with the process.
-        while not (self._wait(lambda: not self._pacer.paused or self._stands(), _LONGEST_WAIT) or self._node.stopping):
-            pass
-
-    def wait_until_standing(self, timeout: float) -> bool:
-        """Wait `timeout` host seconds at most; whether the world stands still."""
-        return self._wait(self._stands, timeout)
-
-    def wait_until_finished(self, timeout: float) -> bool:
-        """Wait `timeout` host seconds at most; whether the time of `--for` is over."""
-        return self._wait(lambda: self.finished, timeout)
-
-    def _wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+    def wait(self, ready: Callable[[], bool], timeout: float = _LONGEST_WAIT) -> bool:
+        """Wait for `timeout` host seconds at most, or until the process stops; whether `ready()`."""
         with self._node.changed:
             self._node.changed.wait_until(lambda: ready() or self._node.stopping, timeout)
             return ready()
+
+    def stands(self) -> bool:
+        """Whether the world stands still: the tick at hand is over, and no further one is due."""
+        return self._is_idle and self._remaining() is None
 
     def finish(self) -> None:
         """The time of `--for` is over: the world stands still."""
@@ -188,9 +177,6 @@ class TickBoundary:
             self._node.wait(lambda: bool(self._changes) or self._remaining() == 0.0, longest)
             self._is_idle = False
         return False
-
-    def _stands(self) -> bool:
-        return self._is_idle and self._remaining() is None
 
     def _remaining(self) -> float | None:
         return None if self.finished else self._pacer.remaining(monotonic())

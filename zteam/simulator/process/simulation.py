@@ -18,9 +18,9 @@ from zteam.simulator import client
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_metadata
 from zteam.simulator.faults import FaultPlan, is_simulated
-from zteam.simulator.process.commands import RobotCommands
-from zteam.simulator.process.holds import Holds
+from zteam.simulator.process.commands import Holds, RobotCommands
 from zteam.simulator.process.lockstep import LockStep
+from zteam.simulator.process.open_tick import OpenTick
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
 from zteam.simulator.process.statistics import RunStatistics, TickProfile
@@ -108,7 +108,7 @@ class Simulation:
         for output in outputs.values():
             output.put_transforms(bases)
         for output in outputs.values():
-            output.put_odometry(bases)
+            output.put(output.odom, bases)
         self.profile.end("publish")
         self._observation = engine.observe()
         self.profile.end("sensors")
@@ -119,9 +119,10 @@ class Simulation:
 
     def _put_scans(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
         for robot_id in robot_ids:
-            if self.outputs[robot_id].scans:
+            output = self.outputs[robot_id]
+            if output.scans:
                 self.commands.scan_sent(robot_id)
-            self.outputs[robot_id].put_scans(observation, again=again)
+            output.put(output.scans, observation, again=again)
 
     def _announce(self) -> None:
         if self.lockstep is not None:
@@ -134,7 +135,7 @@ class Simulation:
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
-        answers = dict(self.faults.deliver(self.since_go, self.lockstep.take_commands(self.outputs)))
+        answers = dict(self.faults.deliver(self.since_go, self.lockstep.ask(lambda tick: tick.commands(self.outputs))))
         self.outputs.put_commands(answers)
         return commands | answers
 
@@ -203,7 +204,7 @@ class Simulation:
         present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
         for i in present:
             outputs[i].put_transforms(observation)
-            outputs[i].put_odometry(observation, again=True)
+            outputs[i].put(outputs[i].odom, observation, again=True)
         self._put_scans(observation, present, again=True)
         for i in present if None in robots else ():
             outputs[i].put_rest(observation)
@@ -222,7 +223,7 @@ class Simulation:
         self.pacer.start_anew()
         self._is_first = True
         if self.lockstep is not None:
-            self.lockstep.start_anew()
+            self.lockstep.ask(OpenTick.start_anew)
         self.boundary.begin_anew()
 
     def match_robots(self) -> None:
@@ -280,8 +281,8 @@ class Simulation:
             lockstep=lockstep is not None,
             participants=lockstep.tick.members if lockstep else [],
             joining=sorted(lockstep.tick.joining) if lockstep else [],
-            waiting_for=lockstep.waiting_for() if lockstep else "",
-            silent=lockstep.silent() if lockstep else [],
+            waiting_for=lockstep.ask(OpenTick.waiting_for) if lockstep else "",
+            silent=lockstep.ask(OpenTick.silent) if lockstep else [],
             hung=list(lockstep.tick.hung) if lockstep else [],
             finished=self.boundary.finished,
             instance=self._instance,

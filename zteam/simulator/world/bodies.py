@@ -2,12 +2,10 @@
 
 import functools
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_channels, read_floor_map
@@ -16,9 +14,8 @@ from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Floorplan, Shape
-from zteam.simulator.world.parser import Entity
-from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
-from zteam.simulator.world.text import Remarks, TextPlace, find_file
+from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
+from zteam.simulator.world.text import find_file
 
 DARK = 127
 """A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
@@ -81,15 +78,8 @@ class Block(NamedTuple):
     z_max: float
 
 
-UNIT_BOX = Block(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), 0.0, 1.0)
-
-
-class Surface(NamedTuple):
-    """Properties that the shapes of one model share."""
-
-    ranger_return: float
-    obstacle: bool
-    color: str
+Surface = tuple[float, bool, str]
+"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
@@ -114,10 +104,10 @@ def boundary_slabs(size: Size3) -> list[Block]:
     """Four slabs just inside a box of `size`, centred, as high as the box."""
     x, y, t = size.x / 2, size.y / 2, min(BOUNDARY_THICKNESS, size.x, size.y)
     boxes = ((-x, -y, x, t - y), (-x, y - t, x, y), (-x, -y, t - x, y), (x - t, -y, x, y))
-    return [box_block(*box, size.z) for box in boxes]
+    return [_box(*box, size.z) for box in boxes]
 
 
-def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
+def _box(left: float, bottom: float, right: float, top: float, height: float) -> Block:
     return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
 
 
@@ -166,67 +156,37 @@ MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
-class Settings(msgspec.Struct, frozen=True):
-    """Settings of a whole file."""
-
-    units: Units
-    folder: Path
-    remarks: Remarks
-    whole_bitmaps: bool = False
-    macros: frozenset[str] = frozenset()
-    """Names of the file's macros, for error texts."""
-    bitmaps: dict[tuple[Path, str], Grid | FloorMap] = msgspec.field(default_factory=dict)
-    """Bitmaps read so far, by file and reading: many models may share one."""
-    boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
-    """Rectangles of bitmaps on robots, by the bitmap's identity."""
-    counts: Counter[str] = msgspec.field(default_factory=Counter)
-    """Of what a small file must not make so much that it takes long or fills the memory."""
-
-    def reader(self, entity: Entity) -> Reader:
-        return Reader(entity, self.units, self.remarks)
-
-    def add_up(self, what: str, number: int, most: int, place: TextPlace) -> None:
-        """Count what all models of a world have together; raises WorldError when it is too much."""
-        self.counts[what] += number
-        if self.counts[what] > most:
-            raise place.error(f"this world has more than {most} {what}: it is refused")
-
-
 class Body(NamedTuple):
-    """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
+    """A model's pose in its parent's frame, and its geometry. `origin` and `size` are the box of all its parts."""
 
+    pose: Pose3
     size: Size3
     origin: Pose3
     surface: Surface
     blocks: tuple[Block, ...]
-    """Fitted to `size`, centred; without the slabs and the bitmap."""
-    slabs: tuple[Block, ...]
+    """Fitted to `size`, centred, and the slabs of a boundary; not the bitmap."""
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
-    home: Pose2 | None = None
-    """Where a map_server YAML puts the model, unless the model has a pose."""
 
 
-def read_body(entity: Entity, settings: Settings) -> Body:
-    reader = settings.reader(entity)
+def read_body(reader: Reader) -> Body:
+    entity, pose = reader.entity, reader.pose("pose")
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
-    found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]
+    found_blocks = [_read_block(reader.of(child)) for child in entity.children if child.type == "block"]
     blocks = [block for block in found_blocks if block is not None]
     bitmap: Grid | None = None
-    home: Pose2 | None = None
     if reader.has("bitmap"):
         if blocks:
             reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
-        blocks, found = [], _read_bitmap(reader, settings)
-        if isinstance(found, FloorMap):
-            size = size if reader.has("size") else Size3(*found.size, FLOOR_HEIGHT)
-            home, bitmap = found.map_from_middle, found.occupied
-        else:
-            bitmap = found
+        blocks, (bitmap, floor) = [], _read_bitmap(reader)
+        if floor is not None:
+            home = floor.map_from_middle
+            size = size if reader.has("size") else Size3(*floor.size, FLOOR_HEIGHT)
+            pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
     elif not blocks:
         sensing = device_models().get(entity.type)
         has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
-        blocks = [UNIT_BOX] if has_body and not reader.flag("noblocks", False) else []
+        blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
         if min(size.x, size.y) < MIN_EXTENT:
@@ -235,43 +195,31 @@ def read_body(entity: Entity, settings: Settings) -> Body:
         elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
             reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
     origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
-    surface = Surface(intensity, reader.flag("obstacle_return", True), _read_color(reader))
-    fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
-    return Body(size, origin, surface, fitted, tuple(slabs), bitmap, home)
+    surface = intensity, reader.flag("obstacle_return", True), _read_color(reader)
+    fitted = fit_blocks(blocks, size) if blocks else []
+    return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap)
 
 
-def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
-    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
-    blocks = [*body.blocks, *body.slabs]
+def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
+    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move."""
     if body.bitmap is None:
-        return blocks
+        return body.blocks
     rows, columns = body.bitmap.shape
-    if id(body.bitmap) not in settings.boxes:
-        settings.boxes[id(body.bitmap)] = rectangles(body.bitmap, MAX_RECTANGLES) or []
-    boxes = settings.boxes[id(body.bitmap)]
+    boxes = rectangles(body.bitmap, MAX_RECTANGLES)
     if not boxes:
-        text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
-        settings.remarks.add(place, text)
+        reader.remark_entity(f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]
-    settings.add_up("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
+    reader.add_up("bitmap", "points of blocks", 4 * len(boxes), MAX_ALL_POINTS)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
-    for bottom, top, left, right in boxes:
-        x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
-        blocks.append(box_block(x, y, x + (right - left) * cell_x, y + (top - bottom) * cell_y, body.size.z))
-    return blocks
+    corners = [(left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2) for bottom, _, left, _ in boxes]
+    sides = [((right - left) * cell_x, (top - bottom) * cell_y) for bottom, top, left, right in boxes]
+    places = zip(corners, sides, strict=True)
+    return *body.blocks, *(_box(x, y, x + width, y + depth, body.size.z) for (x, y), (width, depth) in places)
 
 
-def place_body(body: Body, blocks: list[Block], owner_from_model: Pose2, z: float) -> tuple[Shape, ...]:
-    """A model's blocks as shapes of their owner; the model's foot is `z` above the ground."""
-    owner_from_body = owner_from_model.compose(body.origin.planar)
-    return place_blocks(blocks, owner_from_body, z + body.origin.z, body.surface)
-
-
-def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float, name: str) -> Floorplan:
+def place_floorplan(body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str) -> Floorplan:
     """A bitmap that stands still: its cells fill the box of the model's size."""
     rows, columns = occupied.shape
-    map_from_body = map_from_model.compose(body.origin.planar)
-    foot = z + body.origin.z
     pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
     cell = body.size.x / columns, body.size.y / rows
     return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
@@ -287,37 +235,38 @@ def _read_color(reader: Reader) -> str:
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
-def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
-    """The bitmap of a model; None if none is named, or if it is white all over and Stage finds no polygon in it."""
-    name = reader.text("bitmap", "")
+def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
+    """The bitmap of a model, and the map_server YAML that it is of. It has none if none is named, or if it is white all
+    over and Stage finds no polygon in it."""
+    name, settings = reader.text("bitmap", ""), reader.settings
     if not name:
         reader.remark("bitmap", "no bitmap is named: no body")
-        return None
+        return None, None
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
-    reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
+    usual = "whole" if settings.whole_bitmaps else "crop"
+    reading = reader.choice("bitmap_reading", usual, ("crop", "whole"), strict=True)
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
-            found = read_floor_map(path) if is_floor_map(path) else read_bitmap(path)
+            floor = read_floor_map(path) if is_floor_map(path) else None
+            occupied = read_bitmap(path) if floor is None else floor.occupied
         except WorldError as error:
             reader.fail("bitmap", str(error))
-        if reading == "crop" and not isinstance(found, FloorMap):
-            bottom, top, left, right = occupied_box(found) or (0, 0, 0, 0)
-            found = found[bottom:top, left:right].copy()
-        grid = found.occupied if isinstance(found, FloorMap) else found
-        settings.add_up("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
-        settings.bitmaps[key] = found
-    found = settings.bitmaps[key]
-    if isinstance(found, FloorMap) or found.size:
-        return found
+        if reading == "crop" and floor is None:
+            bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
+            occupied = occupied[bottom:top, left:right].copy()
+        reader.add_up("bitmap", "pixels of bitmaps", occupied.size, MAX_PIXELS)
+        settings.bitmaps[key] = occupied, floor
+    occupied, floor = settings.bitmaps[key]
+    if floor is not None or occupied.size:
+        return occupied, floor
     reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
-    return None
+    return None, None
 
 
-def _read_block(entity: Entity, settings: Settings) -> Block | None:
-    reader = settings.reader(entity)
+def _read_block(reader: Reader) -> Block | None:
     count = reader.whole("points", 0, 0, MAX_POINTS)
     corners = []
     for i in range(count):
@@ -325,13 +274,15 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
-    settings.add_up("points of blocks", count, MAX_ALL_POINTS, entity.place)
-    z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
+    reader.add_up("points", "points of blocks", count, MAX_ALL_POINTS)
+    z_min, z_max = reader.numbers("z", "ll", (0.0, 1.0))
+    if z_min > z_max:
+        reader.fail("z", f"z: the smallest value {z_min:g} is above the largest {z_max:g}")
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:
         reader.remark("points", "a block without an area is ignored")
         return None
     if not is_simple(points):
-        settings.remarks.add(entity.place, "this block's outline crosses itself: its convex hull is taken")
+        reader.remark_entity("this block's outline crosses itself: its convex hull is taken")
         points = convex_hull(points)
     return Block(points, z_min, z_max)

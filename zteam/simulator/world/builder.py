@@ -15,11 +15,11 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
-from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units
+from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Settings, read_units
 from zteam.simulator.world.text import Remarks
 
 WHEEL_SEPARATION = 0.3
@@ -30,12 +30,12 @@ MAX_MASS = 1e6
 
 def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
     """A position model as it is without anything on it; raises WorldError."""
-    wheelbase = reader.length("wheelbase", 1.0)
-    drive = reader.stages_choice("drive", "diff", ("diff", "omni", "car"))
+    wheelbase = reader.number("wheelbase", 1.0, "l")
+    drive = reader.choice("drive", "diff", ("diff", "omni", "car"))
     if not wheelbase > 0 and drive == "car":
         reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
-    radius = reader.length("wheel_radius", 0.05)
-    separation = reader.length("wheel_separation", body.size.y if body.size.y > 0 else WHEEL_SEPARATION)
+    radius = reader.number("wheel_radius", 0.05, "l")
+    separation = reader.number("wheel_separation", body.size.y if body.size.y > 0 else WHEEL_SEPARATION, "l")
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
     a, b, c, d = reader.shares("odom_alphas", 4)
@@ -49,13 +49,13 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
         wheelbase=wheelbase,
         velocity=_read_limits(reader, "velocity_bounds") or Limits(),
         acceleration=_read_limits(reader, "acceleration_bounds"),
-        localization=reader.stages_choice("localization", "gps", ("gps", "odom")),
+        localization=reader.choice("localization", "gps", ("gps", "odom")),
         odom_error=_read_odom_error(reader),
         odom_alphas=(a, b, c, d),
         wheel_radius=radius,
         wheel_separation=separation,
         mass=read_mass(reader),
-        color=body.surface.color,
+        color=body.surface[2],
     )
 
 
@@ -124,7 +124,8 @@ class Mount(NamedTuple):
     """Prefix of the names of unnamed children."""
 
 
-GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+GROUND = Mount(ORIGIN, 0.0, None, "")
 
 
 class Builder:
@@ -141,34 +142,43 @@ class Builder:
     def add_model(self, entity: Entity, mount: Mount) -> None:
         if entity.type == "window":  # Stage's own window on the screen
             return
-        reader = self._settings.reader(entity)
+        reader = Reader(entity, self._settings)
         self._check_type(reader)
-        pose = reader.pose("pose")
-        body = read_body(entity, self._settings)
-        if body.home is not None and not reader.has("pose"):
-            pose = Pose3(body.home.x, body.home.y, 0.0, body.home.yaw)
-        owner_from_model = mount.owner_from_mount.compose(pose.planar)
-        foot = mount.z + pose.z
+        body = read_body(reader)
+        owner_from_model = mount.owner_from_mount.compose(body.pose.planar)
+        foot = mount.z + body.pose.z
         name = self._name(reader, mount)
         chassis = mount.chassis
         if entity.type == "position" or (reader.flag("pushable", False) and chassis is None):
             map_from_base = chassis.base.pose.compose(owner_from_model) if chassis else owner_from_model
             chassis = self._add_chassis(reader, body, map_from_base, name)
-            owner_from_model = Pose2(0.0, 0.0, 0.0)
-        markers = self._read_markers(reader, body, owner_from_model if chassis else Pose2(0.0, 0.0, 0.0), chassis)
-        if chassis is None:
-            self._add_static(body, owner_from_model, foot, name, markers)
-        else:
-            blocks = solid_blocks(body, entity.place, self._settings)
-            chassis.shapes.extend(place_body(body, blocks, owner_from_model, foot))
+            owner_from_model = ORIGIN
+        # What stands still has its own shapes and markers, but the map has its bitmap.
+        base_from_model = owner_from_model if chassis else ORIGIN
+        base_from_body, lift = base_from_model.compose(body.origin.planar), foot + body.origin.z
+        markers = self._read_markers(reader, body, base_from_model, chassis)
+        if chassis is not None:
+            blocks = solid_blocks(body, reader)
+            chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
             chassis.markers.extend(markers)
-        if entity.type in device_models():
-            self._add_device(reader, body, owner_from_model, foot, chassis, name)
+        elif body.bitmap is not None:
+            map_from_body = owner_from_model.compose(body.origin.planar)
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name))
+        if chassis is None and body.blocks:
+            shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
+            title = name if body.bitmap is None else f"{name}.boundary"
+            self.obstacles.append(Obstacle(title, owner_from_model, shapes, markers=markers))
+        sensing = device_models().get(entity.type)
+        if sensing is not None and chassis is not None and isinstance(chassis.base, Robot):
+            x, y, yaw = base_from_body
+            chassis.devices.extend(sensing.read(reader, name, Pose3(x, y, lift, yaw)))
+        elif sensing is not None:
+            reader.remark_entity(f"a {entity.type} that no robot carries is not simulated")
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
         own = Mount(owner_from_model, top, chassis, name + ".")
         for child in entity.children:
             if child.type == "block":
-                self._settings.reader(child).remark_unused("block")
+                reader.of(child).remark_unused("block")
             elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
                 self.add_model(child, own)
 
@@ -220,29 +230,6 @@ class Builder:
         self._unnamed[stem] = number + 1
         return f"{stem}:{number}"
 
-    def _add_static(
-        self, body: Body, map_from_model: Pose2, foot: float, name: str, markers: tuple[FiducialMarker, ...]
-    ) -> None:
-        if body.bitmap is not None:
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_model, foot, name))
-            name += ".boundary"
-        blocks = [*body.blocks, *body.slabs]
-        if blocks:
-            shapes = place_body(body, blocks, Pose2(0.0, 0.0, 0.0), foot)
-            self.obstacles.append(Obstacle(name, map_from_model, shapes, markers=markers))
-
-    def _add_device(
-        self, reader: Reader, body: Body, base_from_model: Pose2, foot: float, chassis: Chassis | None, name: str
-    ) -> None:
-        """Add the devices of a sensing model; unlike children, they move with the model's origin."""
-        kind = reader.entity.type
-        if chassis is None or not isinstance(chassis.base, Robot):
-            reader.remark_entity(f"a {kind} that no robot carries is not simulated")
-            return
-        x, y, yaw = base_from_model.compose(body.origin.planar)
-        seat = Pose3(x, y, foot + body.origin.z, yaw)
-        chassis.devices.extend(device_models()[kind].read(reader, name, seat))
-
 
 BUILT_IN = """
 # The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
@@ -279,9 +266,9 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    units = read_units(document.root, remarks)
-    settings = Settings(units, path.parent, remarks, whole_bitmaps, frozenset(document.macros))
-    reader = settings.reader(document.root)
+    settings = Settings(path.parent, remarks, whole_bitmaps, frozenset(document.macros))
+    settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
+    reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)
     if not 0 < milliseconds <= MAX_INTERVAL_MS:
         reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
@@ -295,7 +282,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         floorplans=tuple(builder.floorplans),
         obstacles=(*builder.obstacles, *(thing.finished() for thing in builder.pushed)),
         robots=tuple(chassis.finished() for chassis in builder.robots),
-        physics=reader.choice("physics", "dynamic", PHYSICS),
+        physics=reader.choice("physics", "dynamic", PHYSICS, strict=True),
         warnings=remarks.all(),
         templates={name: (document, settings) for name in document.macros if document.type_of(name) == "position"},
     )
@@ -307,7 +294,7 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Units(), Path(), Remarks())
+    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
     templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
     if model not in templates:
         known = ", ".join(sorted(templates))

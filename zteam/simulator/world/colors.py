@@ -17,17 +17,13 @@ def find_color(name: str) -> Rgb | None:
 
     The numbered shades are X11's rule of thumb, within two steps of 255 of its table.
     """
-    if _HEX.fullmatch(name):
-        red, green, blue = (int(name[i : i + 2], 16) / 255 for i in (1, 3, 5))
-        return red, green, blue
     from PIL import ImageColor  # imported only where the channels are needed
 
     plain = name.replace(" ", "").lower()
-    if plain in _ONLY_X11:
-        return find_color(_ONLY_X11[plain])
-    if plain in ImageColor.colormap:
-        red, green, blue = ImageColor.getrgb(plain)[:3]
-        return red / 255, green / 255, blue / 255
+    plain = _ONLY_X11.get(plain, plain)
+    if _HEX.fullmatch(plain) or plain in ImageColor.colormap:
+        r, g, b = ImageColor.getrgb(plain)[:3]
+        return r / 255, g / 255, b / 255
     shade = _SHADE.fullmatch(plain)
     if shade is None:
         return None

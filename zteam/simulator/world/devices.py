@@ -1,8 +1,8 @@
 """Sensors of robots: one row each for its place in world files, its key, its message and its frame.
 
 `KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`. The types of
-their messages are in `zteam.messages.topics`. A row of `SENSORS` in `zteam.simulator.core.to_messages` says how a
-sensor senses and makes its message. The defaults are Stage's.
+their messages are in `zteam.messages.topics`. A sensor's row of `PREPARE` in `zteam.simulator.core.devices` says how it
+senses, one of `BUILDERS` in `zteam.simulator.core.to_messages` what makes its message. The defaults are Stage's.
 """
 
 import math
@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
+from zteam.geometry import Point2
 from zteam.messages import Message
 from zteam.messages.topics import SENSORS
 from zteam.simulator.world.model import Device, Ranger, Robot
@@ -22,65 +23,50 @@ SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 
 def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
     """The sensors of a `ranger`, or the one of an old `laser`; raises WorldError."""
-    entity = reader.entity
-    sensors = [child for child in entity.children if child.type == "sensor"]
-    found: list[Ranger | None] = []
-    for i, sensor in enumerate(sensors):
-        own = reader.of(sensor)
-        own.remark_unused("sensor")
-        found.append(_read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", seat))
-    if not sensors and entity.type == "laser":
-        found.append(_read_old_laser(reader, name, seat))
-    elif not sensors:
+    sensors = [reader.of(child) for child in reader.entity.children if child.type == "sensor"]
+    if not sensors and reader.entity.type == "laser":
+        # As worlds for Stage 3 have it the properties stand in the model itself. The defaults are those of a SICK LMS.
+        limits = reader.number("range_min", 0.0, "l"), reader.number("range_max", 8.0, "l")
+        return _read_sensor(reader, name, seat, limits, math.pi, 180)
+    if not sensors:
         reader.remark_entity("this ranger has no sensor( )")
-    return [ranger for ranger in found if ranger is not None]
+    found: list[Ranger] = []
+    for i, own in enumerate(sensors):
+        own.remark_unused("sensor")
+        pose = own.pose("pose")
+        x, y, yaw = seat.planar.compose(pose.planar)
+        found += _read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", Pose3(x, y, seat.z + pose.z, yaw))
+    return found
 
 
-def _read_sensor(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
-    """A `sensor` of a ranger; None if it has no rays."""
-    pose = reader.pose("pose")
-    limits = _read_range(reader, "range", *reader.numbers("range", "ll", (0.0, 5.0)))
-    size = reader.size(SENSOR_SIZE)
-    x, y, yaw = seat.planar.compose(pose.planar)
-    return _ranger(reader, name, Pose3(x, y, seat.z + pose.z + size.z / 2, yaw), limits)
+def _read_sensor(
+    reader: Reader, name: str, foot: Pose3, limits: Point2 = (0.0, 5.0), fov: float = 0.1, samples: int = 1
+) -> list[Ranger]:
+    """The sensor that stands at `foot` in the base frame, its z above the ground; none if it has no rays.
 
-
-def _read_old_laser(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
-    """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
-
-    Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
+    `limits` (of the range), `fov` and `samples` are defaults. The rays start half-way up.
     """
-    old = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
-    limits = _read_range(reader, "range" if reader.has("range") else "range_max", *reader.numbers("range", "ll", old))
-    middle = seat._replace(z=seat.z + reader.size(SENSOR_SIZE).z / 2)
-    return _ranger(reader, name, middle, limits, math.pi, 180)
-
-
-def _read_range(reader: Reader, name: str, low: float, high: float) -> tuple[float, float]:
+    range_name = "range" if reader.has("range") else "range_max"
+    low, high = reader.numbers("range", "ll", limits)
     if not high > 0:
-        reader.fail(name, f"the largest range must be above 0, not {high:g}")
+        reader.fail(range_name, f"the largest range must be above 0, not {high:g}")
     if not 0 <= low <= high:
-        reader.remark(name, f"the smallest range {low:g} is not of 0 to {high:g}: 0 is taken, Stage never applies it")
+        text = f"the smallest range {low:g} is not of 0 to {high:g}: 0 is taken, Stage never applies it"
+        reader.remark(range_name, text)
         low = 0.0
-    return low, high
-
-
-def _ranger(
-    reader: Reader, name: str, pose: Pose3, limits: tuple[float, float], fov: float = 0.1, samples: int = 1
-) -> Ranger | None:
-    """Rays that start at `pose` in the base frame, its z above the ground; `fov` and `samples` are defaults."""
-    fov = reader.angle("fov", fov)
+    pose = foot._replace(z=foot.z + reader.size(SENSOR_SIZE).z / 2)
+    fov = reader.number("fov", fov, "a")
     samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
     if samples == 0:
         reader.remark("samples", "a sensor without rays is left out")
-        return None
+        return []
     if not 0 <= fov <= math.tau + 1e-9:
         reader.fail("fov", f"fov must be an angle of 0 to 360 degrees, not {math.degrees(fov):g}")
     if samples > 1 and fov == 0:
         reader.remark("fov", f"all {samples} rays of a fov of 0 are one: one is taken")
         samples = 1
     variance, proportional, angular = reader.shares("noise", 3)
-    return Ranger(name, *pose, fov, samples, *limits, (variance, proportional, angular))
+    return [Ranger(name, *pose, fov, samples, low, high, (variance, proportional, angular))]
 
 
 MAX_BUMPERS = 256
@@ -118,23 +104,23 @@ class Blobfinder(Device, frozen=True):
 
 
 def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
-    low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
+    low, high = reader.number("range_min", 0.0, "l"), reader.number("range_max", 8.0, "l")
     if not 0 <= low < high:
         reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
-    fov, range_max_id = _read_fov(reader, math.pi), reader.length("range_max_id", 5.0)
+    fov, range_max_id = _read_fov(reader, math.pi), reader.number("range_max_id", 5.0, "l")
     key, ignore_zloc = reader.whole("fiducial_key", 0), reader.flag("ignore_zloc", False)
     return [Finder(name, *seat, fov, low, high, range_max_id, key, ignore_zloc)]
 
 
 def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
     """The pieces of a `bumper` model: `bcount`, `bpose[i] [x y z yaw]`, `blength` of all or `blength[i]`."""
-    common = reader.length("blength", 0.1)
+    common = reader.number("blength", 0.1, "l")
     found = []
     for i in range(reader.whole("bcount", 0, 0, MAX_BUMPERS)):
         if not reader.has(f"bpose[{i}]"):
             reader.remark("bcount", f"this bumper lacks bpose[{i}]: [0 0 0 0] is taken, as Stage does")
         pose = reader.pose(f"bpose[{i}]")
-        length = reader.length(f"blength[{i}]", common)
+        length = reader.number(f"blength[{i}]", common, "l")
         if not length > 0:
             name_of_length = f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength"
             reader.remark(name_of_length, f"piece {i} of this bumper has no length: it is left out")
@@ -153,15 +139,15 @@ def read_blobfinder(reader: Reader, name: str, seat: Pose3) -> list[Blobfinder]:
     width = reader.numbers("image", "nn", (80.0, 60.0))[0]
     if not (width == round(width) and 1 <= width <= MAX_PIXELS):
         reader.fail("image", f"the width of an image must be a whole number of 1 to {MAX_PIXELS}, not {width:g}")
-    high = reader.length("range", 12.0)
+    high = reader.number("range", 12.0, "l")
     if not high > 0:
         reader.fail("range", f"range must be above 0, not {high:g}")
-    turned = seat._replace(yaw=seat.yaw + reader.angle("pan", 0.0))
+    turned = seat._replace(yaw=seat.yaw + reader.number("pan", 0.0, "a"))
     return [Blobfinder(name, *turned, _read_fov(reader, math.radians(60.0)), int(width), high, listed)]
 
 
 def _read_fov(reader: Reader, default: float) -> float:
-    fov = reader.angle("fov", default)
+    fov = reader.number("fov", default, "a")
     if not 0 < fov <= math.tau + 1e-9:
         reader.fail("fov", f"fov must be an angle above 0 and up to 360 degrees, not {math.degrees(fov):g}")
     return fov
@@ -274,7 +260,7 @@ KINDS: dict[str, DeviceKind] = {
         ),
     )
 }
-"""All rows by topic."""
+"""All rows by topic, in the order in which they are published."""
 
 
 def device_models() -> dict[str, DeviceModel]:

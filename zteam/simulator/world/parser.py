@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.simulator.world.text import Remarks, Splicer, TextPlace, Token, TokenKind, read_text
+from zteam.simulator.world.text import Remarks, TextPlace, Token, TokenKind, read_text, splice
 
 MAX_STEPS = 3_000_000
 """Tokens parsed, those of a macro as often as it is used."""
@@ -63,13 +63,27 @@ class Macro(NamedTuple):
     """Where its '(' is among the tokens."""
 
 
-class Document(msgspec.Struct):
+def parse_world(path: Path, remarks: Remarks) -> "Document":
+    """Read a world file and its includes; raises WorldError."""
+    return parse_text(read_text(path), remarks, str(path), path)
+
+
+def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None) -> "Document":
+    """Parse the text of a world, of the file at `path`, or with includes relative to the working directory."""
+    return Document(splice(text, file, path, path.parent if path else Path(), remarks), file, remarks)
+
+
+class Document:
     """A parsed world file."""
 
-    root: Entity
-    """The file itself: world properties and top-level entities, of type `world`."""
-    macros: dict[str, Macro]
-    tokens: list[Token]
+    def __init__(self, tokens: list[Token], file: str, remarks: Remarks) -> None:
+        self.root = Entity("world", "world", TextPlace(file, 1, 1))
+        """The file itself: world properties and top-level entities, of type `world`."""
+        self.macros: dict[str, Macro] = {}
+        self._tokens = tokens
+        self._remarks = remarks
+        self._at = self._steps = self._entities = 0
+        self._parse()
 
     def type_of(self, macro: str) -> str:
         """The type at the end of a macro's chain; a macro that is defined by itself has none."""
@@ -81,45 +95,21 @@ class Document(msgspec.Struct):
 
     def expand(self, macro: str) -> Entity:
         """The entity that `macro ( )` at the end of the file gives; raises WorldError."""
-        return _Parser(self.tokens, self.macros, Remarks()).expand(macro)
-
-
-def parse_world(path: Path, remarks: Remarks) -> Document:
-    """Read a world file and its includes; raises WorldError."""
-    return parse_text(read_text(path), remarks, str(path), path)
-
-
-def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None) -> Document:
-    """Parse the text of a world, of the file at `path`, or with includes relative to the working directory."""
-    tokens = Splicer(path.parent if path else Path(), remarks).read(text, file, path)
-    macros: dict[str, Macro] = {}
-    return Document(_Parser(tokens, macros, remarks).parse(file), macros, tokens)
-
-
-class _Parser:
-    def __init__(self, tokens: list[Token], macros: dict[str, Macro], remarks: Remarks) -> None:
-        self._tokens = tokens
-        self._macros = macros
-        self._remarks = remarks
-        self._at = 0
         self._steps = self._entities = 0
+        entity = Entity(macro, macro, self.macros[macro].place)
+        self._replay_macros(entity, 1)
+        return entity
 
-    def parse(self, file: str) -> Entity:
-        root = Entity("world", "world", TextPlace(file, 1, 1))
+    def _parse(self) -> None:
         while True:
             self._skip_lines()
             if self._token.kind is TokenKind.EOF:
-                return root
+                return
             name = self._expect(TokenKind.NAME, "a property, an entity, 'include' or 'define'")
             if name.written == "define":
                 self._parse_define()
             else:
-                self._parse_item(name, root, 1)
-
-    def expand(self, macro: str) -> Entity:
-        entity = Entity(macro, macro, self._macros[macro].place)
-        self._replay_macros(entity, 1)
-        return entity
+                self._parse_item(name, self.root, 1)
 
     @property
     def _token(self) -> Token:
@@ -151,10 +141,10 @@ class _Parser:
         self._skip_lines()
         macro = Macro(base.written, base.place, self._at)
         self._skip_body()
-        if name.written in self._macros:
+        if name.written in self.macros:
             self._remarks.add(name.place, f"macro {name} is defined already: the first definition stays")
         else:
-            self._macros[name.written] = macro
+            self.macros[name.written] = macro
 
     def _skip_body(self) -> None:
         """Like Stage, look only for the ')' that belongs to the '('."""
@@ -191,10 +181,10 @@ class _Parser:
     def _replay_macros(self, entity: Entity, level: int) -> None:
         """Parse the bodies of the macro that the entity is of, the innermost first."""
         chain: dict[str, int] = {}
-        while entity.type in self._macros:
+        while entity.type in self.macros:
             if entity.type in chain:
                 raise entity.place.error(f"macro {entity.type!r:.60} is made of itself")
-            macro = self._macros[entity.type]
+            macro = self.macros[entity.type]
             chain[entity.type] = macro.body
             entity.type = macro.base
         back = self._at

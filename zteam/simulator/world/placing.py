@@ -35,7 +35,9 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
         if plan.obstacle and any(_heights_overlap(plan, shape) and _meets_plan(plan, at) for shape, at in body):
             return f"would stand in a wall of {plan.name!r}"
     reach = _reach(robot.shapes)
-    for name, pose, shapes in _standing(world, others):
+    standing = [(repr(thing.name), thing.pose, thing.shapes) for thing in world.obstacles]
+    standing += [(f"robot {robot_id}", other.pose, other.shapes) for robot_id, other in others.items()]
+    for name, pose, shapes in standing:
         if math.dist(pose[:2], robot.pose[:2]) > reach + _reach(shapes):
             continue
         for shape in shapes:
@@ -102,13 +104,6 @@ def _find_outside(world: World, pose: Pose2) -> str:
         f"would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
         f"to x {high[0]:g}, y {high[1]:g}"
     )
-
-
-def _standing(world: World, others: Mapping[int, Robot]) -> Iterator[tuple[str, Pose2, tuple[Shape, ...]]]:
-    for thing in world.obstacles:
-        yield repr(thing.name), thing.pose, thing.shapes
-    for robot_id, robot in others.items():
-        yield f"robot {robot_id}", robot.pose, robot.shapes
 
 
 def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:

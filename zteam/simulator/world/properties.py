@@ -9,9 +9,14 @@ with a remark (it would change what robots do). Any other property is remarked a
 
 import math
 import re
-from collections.abc import Set
+from collections import Counter
+from collections.abc import Collection, Set
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
+import msgspec
+
+from zteam.config.map_files import FloorMap, Grid
 from zteam.errors import did_you_mean
 from zteam.geometry import FAR, Pose2
 from zteam.simulator.world.parser import Entity, Property, Value
@@ -42,7 +47,6 @@ _MODEL = {
 }
 READ: dict[str, set[str]] = {
     "world": {"name", "interval_sim", "unit_length", "unit_angle", "physics"},
-    "model": _MODEL,
     "position": _MODEL
     | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"}
     | {"odom_alphas", "wheel_radius", "wheel_separation"},
@@ -110,17 +114,33 @@ class Size3(NamedTuple):
     z: float
 
 
+class Settings(msgspec.Struct, frozen=True):
+    """Settings of a whole file."""
+
+    folder: Path
+    remarks: Remarks
+    whole_bitmaps: bool = False
+    macros: frozenset[str] = frozenset()
+    """Names of the file's macros, for error texts."""
+    units: Units = Units()
+    bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None]] = msgspec.field(default_factory=dict)
+    """Bitmaps read so far, by file and reading: many models may share one."""
+    counts: Counter[str] = msgspec.field(default_factory=Counter)
+    """Of what a small file must not make so much that it takes long or fills the memory."""
+
+
 class Reader:
     """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
 
-    def __init__(self, entity: Entity, units: Units, remarks: Remarks) -> None:
+    def __init__(self, entity: Entity, settings: Settings) -> None:
         self.entity = entity
-        self._units = units
-        self._remarks = remarks
+        self.settings = settings
+        self._units = settings.units
+        self._remarks = settings.remarks
 
     def of(self, entity: Entity) -> "Reader":
         """A reader of another entity of the same file."""
-        return Reader(entity, self._units, self._remarks)
+        return Reader(entity, self.settings)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
         """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type.
@@ -159,9 +179,15 @@ class Reader:
         """Note something about the entity as a whole."""
         self._remarks.add(self.entity.place, text)
 
-    def number(self, name: str, default: float) -> float:
-        """A number without a unit."""
-        return self.numbers(name, "n", (default,))[0]
+    def add_up(self, name: str, what: str, number: int, most: int) -> None:
+        """Count what all models of a world have together; raises WorldError at a property by which it is too much."""
+        self.settings.counts[what] += number
+        if self.settings.counts[what] > most:
+            self.fail(name, f"this world has more than {most} {what}: it is refused")
+
+    def number(self, name: str, default: float, kind: str = "n") -> float:
+        """A number of a kind, as of `numbers`."""
+        return self.numbers(name, kind, (default,))[0]
 
     def whole(self, name: str, default: int, low: int = -(2**31), high: int = 2**31 - 1) -> int:
         """A whole number of `low` to `high`; of a fraction the part before the point."""
@@ -177,14 +203,6 @@ class Reader:
         """0 or 1; like Stage, any whole number but 0 is true."""
         return self.whole(name, default) != 0
 
-    def length(self, name: str, default: float) -> float:
-        """A length in metres."""
-        return self.numbers(name, "l", (default,))[0]
-
-    def angle(self, name: str, default: float) -> float:
-        """An angle in radians."""
-        return self.numbers(name, "a", (default,))[0]
-
     def text(self, name: str, default: str) -> str:
         """A string, or a number as it is written; of a tuple the first value."""
         found = self.entity.properties.get(name)
@@ -199,18 +217,13 @@ class Reader:
         found = self.entity.properties.get(name)
         return found.written if found else ()
 
-    def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
-        value = self.text(name, default)
-        if value not in choices:
-            self.fail(name, f"{name} must be one of {', '.join(choices)}, not {value!r:.60}")
-        return value
-
-    def stages_choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
-        """One of a few strings; of any other Stage takes the default."""
-        value = self.text(name, default)
+    def choice(self, name: str, default: str, choices: Collection[str], *, strict: bool = False) -> str:
+        """One of a few strings; of any other Stage takes the default, where zteam is not `strict`."""
+        value, known = self.text(name, default), ", ".join(choices)
         if value in choices:
             return value
-        known = ", ".join(choices)
+        if strict:
+            self.fail(name, f"{name} must be one of {known}, not {value!r:.60}")
         self.remark(name, f"{name} is one of {known}, not {value!r:.60}: {default} is taken, as Stage does")
         return default
 
@@ -257,18 +270,8 @@ class Reader:
             self.fail("size", f"size must not be negative: [{size.x:g} {size.y:g} {size.z:g}]")
         return size
 
-    def bounds(self, name: str, kind: str, default: tuple[float, float]) -> tuple[float, float]:
-        """`[smallest largest]`."""
-        low, high = self.numbers(name, 2 * kind, default)
-        if low > high:
-            self.fail(name, f"{name}: the smallest value {low:g} is above the largest {high:g}")
-        return low, high
 
-
-def read_units(world: Entity, remarks: Remarks) -> Units:
+def read_units(reader: Reader) -> Units:
     """`unit_length` and `unit_angle` of a world; they hold for the whole file, wherever they stand."""
-    reader = Reader(world, Units(), remarks)
-    return Units(
-        _LENGTHS[reader.stages_choice("unit_length", "m", tuple(_LENGTHS))],
-        _ANGLES[reader.stages_choice("unit_angle", "degrees", tuple(_ANGLES))],
-    )
+    length, angle = reader.choice("unit_length", "m", _LENGTHS), reader.choice("unit_angle", "degrees", _ANGLES)
+    return Units(_LENGTHS[length], _ANGLES[angle])

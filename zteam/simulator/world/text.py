@@ -137,7 +137,10 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
         match = _TOKEN.match(text, position)
         place = TextPlace(file, line, position - line_start + 1)
         if match is None or match.lastgroup is None:
-            raise _no_token(text, position, place)
+            unclosed = text[position] == '"'
+            raise place.error(
+                "this string is not closed on its line" if unclosed else f"unexpected character {text[position]!r}"
+            )
         position = match.end()
         if match.lastgroup == "skip":
             continue
@@ -146,7 +149,11 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
         if kind is TokenKind.EOL:
             line, line_start = line + 1, position
         elif kind is TokenKind.STRING and including:
-            position = _skip_line(text, position, TextPlace(file, line, position - line_start + 1), remarks)
+            rest = next(_REST_OF_LINE.finditer(text, position))[0]
+            if rest.strip() and not rest.strip().startswith("#"):
+                place = TextPlace(file, line, position - line_start + 1)
+                remarks.add(place, f"{rest.strip()!r:.60} behind an include is ignored, as Stage does")
+            position += len(rest)
         including = kind is TokenKind.NAME and written == "include"
     yield Token(TokenKind.EOF, "", TextPlace(file, line, position - line_start + 1), "")
 
@@ -168,78 +175,52 @@ def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
     return value
 
 
-def _skip_line(text: str, position: int, place: TextPlace, remarks: Remarks) -> int:
-    """The end of the line; a remark notes anything on the line but a comment."""
-    match = _REST_OF_LINE.match(text, position)
-    assert match is not None
-    rest = match[0].strip()
-    if rest and not rest.startswith("#"):
-        remarks.add(place, f"{rest!r:.60} behind an include is ignored, as Stage does")
-    return match.end()
-
-
-def _no_token(text: str, position: int, place: TextPlace) -> Exception:
-    if text[position] == '"':
-        return place.error("this string is not closed on its line")
-    hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
-    return place.error(f"unexpected character {text[position]!r}{hint}")
-
-
 MAX_TOKENS = 500_000
 MAX_FILES = 256
 MAX_CHARACTERS = 32 * 2**20
 """Of all included files."""
 
 
-class Splicer:
-    """The tokens of a world file, with those of its includes; their names are relative to `folder`."""
+def splice(text: str, file: str, path: Path | None, folder: Path, remarks: Remarks) -> list[Token]:
+    """The tokens of a world file (`path`, if it has one) with those of its includes, whose names are relative to
+    `folder`. Raises WorldError."""
+    found: list[Token] = []
+    sizes: list[int] = []
+    """Characters of all included files."""
 
-    def __init__(self, folder: Path, remarks: Remarks) -> None:
-        self.tokens: list[Token] = []
-        self._folder = folder
-        self._remarks = remarks
-        self._open_files: list[Path] = []
-        self._files = self._characters = 0
+    def add(token: Token) -> None:
+        if len(found) >= MAX_TOKENS:
+            raise token.place.error(f"more than {MAX_TOKENS} words and values: this world is refused")
+        found.append(token)
 
-    def read(self, text: str, file: str, path: Path | None) -> list[Token]:
-        """Append the tokens of a text, EOF only of the top file, and return all. `path` is its file, if it has one.
-
-        Raises WorldError.
-        """
-        self._files += 1
-        is_top = not self._open_files
-        self._open_files.append(path.resolve() if path else Path(file))
-        tokens = read_tokens(text, file, self._remarks)
+    def read(text: str, file: str, open_files: tuple[Path, ...]) -> None:
+        tokens = read_tokens(text, file, remarks)
         for token in tokens:
             if token.kind is TokenKind.NAME and token.written == "include":
-                self._include(token.place, next(tokens))
-            elif token.kind is not TokenKind.EOF or is_top:
-                self._add(token)
-        self._open_files.pop()
-        return self.tokens
+                include(token.place, next(tokens), open_files)
+            elif token.kind is not TokenKind.EOF or len(open_files) == 1:
+                add(token)
 
-    def _add(self, token: Token) -> None:
-        if len(self.tokens) >= MAX_TOKENS:
-            raise token.place.error(f"more than {MAX_TOKENS} words and values: this world is refused")
-        self.tokens.append(token)
-
-    def _include(self, place: TextPlace, name: Token) -> None:
+    def include(place: TextPlace, name: Token, open_files: tuple[Path, ...]) -> None:
         if name.kind is not TokenKind.STRING:
             raise name.place.error(f'expected the name of the file to include, such as "map.inc", found {name}')
-        path = find_file(name.written, self._folder)
+        path = find_file(name.written, folder)
         if path is None:
-            raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
-        if path.resolve() in self._open_files:
+            raise name.place.error(f"included file {name} not found in {folder} or $STAGEPATH")
+        if path.resolve() in open_files:
             raise name.place.error(f"{name.written!r} includes itself")
-        if self._files >= MAX_FILES:
+        if len(sizes) + 1 >= MAX_FILES:
             raise name.place.error(f"more than {MAX_FILES} files included")
         try:
             text = read_text(path)
         except WorldError as error:
             raise place.error(str(error)) from None
-        self._characters += len(text)
-        if self._characters > MAX_CHARACTERS:
+        sizes.append(len(text))
+        if sum(sizes) > MAX_CHARACTERS:
             raise place.error(f"more than {MAX_CHARACTERS} characters in included files: this world is refused")
-        self.read(text, str(path), path)
+        read(text, str(path), (*open_files, path.resolve()))
         # The last line of the file may lack its end, and an include ends its own line.
-        self._add(Token(TokenKind.EOL, "", name.place, ""))
+        add(Token(TokenKind.EOL, "", name.place, ""))
+
+    read(text, file, (path.resolve() if path else Path(file),))
+    return found

@@ -19,7 +19,7 @@ from zteam.navigation.planning.scans import Scan
 from zteam.robot.behaviors.wander import Wander, WanderParams
 from zteam.robot.view import View
 from zteam.sim import Engine, Options
-from zteam.simulator.core.observation import RobotObservation
+from zteam.simulator.core import RobotObservation
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import base_info
@@ -76,7 +76,7 @@ def scan_of(robot: RobotObservation) -> Scan:
     """What its first laser saw."""
     laser = robot.robot.rangers[0]
     return Scan(
-        robot.reading(0).ranges, -0.5 * laser.fov, laser.angle_increment, laser.range_min, laser.range_max,
+        robot.readings[0].ranges, -0.5 * laser.fov, laser.angle_increment, laser.range_min, laser.range_max,
         Pose2(laser.x, laser.y, laser.yaw),
     )  # fmt: skip
 

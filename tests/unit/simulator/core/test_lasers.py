@@ -40,7 +40,7 @@ def test_a_scan_cannot_be_changed(dazzle: Any) -> None:
 def test_gaussian_noise_has_its_deviation_and_spares_misses() -> None:
     """The scatter of a beam over many ticks is sigma, its mean the truth; a beam without a hit stays at range_max."""
     exact = scans(Engine(make_world(make_robot())), 1)[0]
-    noisy = scans(Engine(make_world(make_robot()), options=Options(gaussian_noise=0.02)), 400)
+    noisy = scans(Engine(make_world(make_robot()), options=Options(gaussian_noise=0.02)), 200)
     hits = exact < 7.8
     assert np.abs(noisy[:, hits].std(axis=0).mean() - 0.02) < 0.001
     assert np.abs((noisy[:, hits] - exact[hits]).mean()) < 0.001
@@ -50,7 +50,7 @@ def test_gaussian_noise_has_its_deviation_and_spares_misses() -> None:
 def test_proportional_noise_grows_with_the_range() -> None:
     """The scatter of each beam is its share of the range."""
     exact = scans(Engine(make_world(make_robot())), 1)[0]
-    noisy = scans(Engine(make_world(make_robot()), options=Options(proportional_noise=0.01)), 400)
+    noisy = scans(Engine(make_world(make_robot()), options=Options(proportional_noise=0.01)), 200)
     hits = exact < 7.5
     assert noisy[:, hits].std(axis=0) == pytest.approx(0.01 * exact[hits], rel=0.2)
 

@@ -9,7 +9,7 @@ from support.small_worlds import is_occupied, make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.simulator.core.occupancy_grid import map_message, map_metadata
-from zteam.simulator.world.bodies import Surface, boundary_slabs, place_blocks
+from zteam.simulator.world.bodies import boundary_slabs, place_blocks
 from zteam.simulator.world.model import Floorplan, Obstacle, Shape, World
 from zteam.simulator.world.properties import Size3
 
@@ -25,9 +25,7 @@ def occupied(*things: Obstacle | Floorplan, resolution: float) -> np.ndarray:
 @pytest.mark.parametrize("shift", [0.0, 0.013, 0.021, 0.037])
 def test_a_boundary_is_closed_on_the_map(shift: float) -> None:
     """Walls of 1 cm close a map of 5 cm cells all around, wherever they lie in their cells; its inside is free."""
-    slabs = place_blocks(
-        boundary_slabs(Size3(4.0 + shift, 3.0, 1.0)), Pose2(0.0, 0.0, 0.0), 0.0, Surface(1.0, True, "red")
-    )
+    slabs = place_blocks(boundary_slabs(Size3(4.0 + shift, 3.0, 1.0)), Pose2(0.0, 0.0, 0.0), 0.0, (1.0, True, "red"))
     cells = occupied(Obstacle("slabs", Pose2(shift, 0.0, 0.0), slabs), resolution=0.05)
     assert cells[[0, -1]].all()
     assert cells[:, [0, -1]].all()

@@ -1,5 +1,5 @@
-"""A new sensor is a message type, and a row each in `zteam.messages.topics`, `zteam.simulator.world.devices` and
-`zteam.simulator.core.to_messages`."""
+"""A new sensor is a message type, and a row each in `zteam.messages.topics`, `zteam.simulator.world.devices`,
+`zteam.simulator.core.devices` and `zteam.simulator.core.to_messages`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,7 +71,8 @@ def rows(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rows of the sensor, for one test."""
     monkeypatch.setitem(topics.SENSORS, KIND.topic, Temperature)
     monkeypatch.setitem(parsing.KINDS, KIND.topic, KIND)
-    monkeypatch.setitem(to_messages.SENSORS, KIND.topic, sensing.Sensor(KIND, temperature_message, prepare))
+    monkeypatch.setitem(sensing.PREPARE, KIND.topic, prepare)
+    monkeypatch.setitem(to_messages.BUILDERS, KIND.topic, temperature_message)
 
 
 @pytest.mark.usefixtures("rows")
@@ -104,8 +105,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
 
 def test_every_row_has_a_type_a_builder_and_a_key() -> None:
     """Each kind of device has one sensor row under the same topic, and tools know the type of its key."""
-    assert parsing.KINDS.keys() == to_messages.SENSORS.keys() == topics.SENSORS.keys()
-    for topic, sensor in to_messages.SENSORS.items():
-        assert sensor.kind is parsing.KINDS[topic]
-        assert type_of_key(sensor.kind.key(7, 0)) is type_of_key(sensor.kind.key(7, 3)) is sensor.kind.message
-        assert sensor.kind.message in all_types().values()
+    assert parsing.KINDS.keys() == to_messages.BUILDERS.keys() == topics.SENSORS.keys()
+    for kind in parsing.KINDS.values():
+        assert type_of_key(kind.key(7, 0)) is type_of_key(kind.key(7, 3)) is kind.message
+        assert kind.message in all_types().values()

@@ -50,7 +50,7 @@ def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, new_harness: HarnessFa
     harness.open(3)
     harness.begin()
     first.answer()
-    assert (harness.lockstep.waiting_for(), harness.lockstep.silent()) == ("tf", ["tf"])
+    assert (harness.lockstep.tick.waiting_for(), harness.lockstep.tick.silent()) == ("tf", ["tf"])
     assert harness.holds
     last.answer()
     assert harness.end()
@@ -121,7 +121,7 @@ def test_an_answer_without_a_token_is_refused(hub: MemoryHub, new_harness: Harne
     robot.say(Done(0, 3, True, Twist(Vector3(0.1))))
     assert harness.end()
     assert harness.answered == [0]
-    assert harness.lockstep.take_commands({0: None}) == {0: Twist(Vector3(0.1))}
+    assert harness.lockstep.tick.commands({0: None}) == {0: Twist(Vector3(0.1))}
 
 
 @pytest.mark.usefixtures("patient")
@@ -146,10 +146,10 @@ def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: Ha
     (robot,) = make_team(hub, harness, "robot_0")
     assert harness.wait()
     robot.awake = False
-    harness.lockstep.start_anew()
-    assert harness.lockstep.take_commands({0: None}) == {}
+    harness.lockstep.tick.start_anew()
+    assert harness.lockstep.tick.commands({0: None}) == {}
     harness.open(2)
-    assert (harness.lockstep.waiting_for(), harness.lockstep.tick.held) == ("robot_0", False)
+    assert (harness.lockstep.tick.waiting_for(), harness.lockstep.tick.held) == ("robot_0", False)
 
 
 @pytest.mark.gate
@@ -260,7 +260,7 @@ def test_all_expected_processes_receive_go_in_the_same_tick(
     robot.wait_until_heard()
     if not is_early:
         monitor.give_go(5)
-    assert "tf" in harness.lockstep.waiting_for()
+    assert "tf" in harness.lockstep.tick.waiting_for()
     assert harness.holds
     aggregator = ScriptedParticipant(hub, "tf").appear()
     assert harness.end()
@@ -280,10 +280,10 @@ def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     robot.awake = False
     monitor = ScriptedMonitor(hub)
     monitor.say(TeamState.WAITING, 1)
-    assert harness.lockstep.waiting_for().startswith("the monitor's GO")
+    assert harness.lockstep.tick.waiting_for().startswith("the monitor's GO")
     monitor.give_go(2)
     robot.wait_for_epoch(2)
-    assert harness.lockstep.waiting_for() == "robot_0"
+    assert harness.lockstep.tick.waiting_for() == "robot_0"
     assert harness.holds
     robot.answer()
     assert harness.end()
@@ -297,7 +297,7 @@ def test_the_log_names_what_holds_the_first_tick(new_harness: HarnessFactory) ->
         harness.open(1)
         harness.begin()
         log.wait_for("the first tick is held: waiting for robot_0, robot_1, the monitor's GO")
-        assert "--no-gate" in harness.lockstep.waiting_for()
+        assert "--no-gate" in harness.lockstep.tick.waiting_for()
         assert harness.lockstep.was_held
         harness.stop.request("test")
         assert harness.end() is False
@@ -341,7 +341,7 @@ def test_the_log_names_the_input_that_does_not_come(hub: MemoryHub, new_harness:
         harness.open(1)
         harness.begin()
         log.wait_for("the first tick is held: waiting for planner, which waits for robot_0/sonar_7")
-        assert harness.lockstep.waiting_for() == "planner"
+        assert harness.lockstep.tick.waiting_for() == "planner"
         harness.stop.request("test")
         assert harness.end() is False
     stop.request("test")

@@ -34,9 +34,9 @@ def test_a_process_takes_part_from_the_tick_after_its_first_answer() -> None:
     tick = begun()
     tick.on_token("robot_0", "session-robot_0", True)
     assert tick.on_done("robot_0", "session-robot_0", Done(0, 2))
-    assert (tick.joining, tick.members, tick.complete) == ({"robot_0"}, [], True)
+    assert (tick.joining, tick.members, tick.missing()) == ({"robot_0"}, [], [])
     assert tick.open(0, 3, []).participants == ["robot_0"]
-    assert (tick.joining, tick.missing(), tick.complete) == (set(), ["robot_0"], False)
+    assert (tick.joining, tick.missing()) == (set(), ["robot_0"])
 
 
 def test_a_process_that_a_fault_keeps_out_joins_when_it_is_over() -> None:

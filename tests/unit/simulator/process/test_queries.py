@@ -174,7 +174,7 @@ def test_a_pause_does_not_wait_for_who_holds_the_tick(make: Make, monkeypatch: p
 def test_whether_the_world_stands_is_never_old_news(make: Make) -> None:
     """Right after it was let go on it does not stand, whatever its main loop has seen of that."""
     _, client = make()
-    for _ in range(50):
+    for _ in range(10):
         client.resume()
         assert not client.stand(0.0).stands
         client.pause()

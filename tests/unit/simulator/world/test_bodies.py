@@ -13,7 +13,6 @@ from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
 from zteam.simulator.world.bodies import (
     Block,
-    Surface,
     boundary_slabs,
     fit_blocks,
     place_blocks,
@@ -37,7 +36,7 @@ def test_blocks_of_a_model_are_fitted_together() -> None:
 def test_placed_shapes_are_rotated_moved_raised_and_counter_clockwise() -> None:
     """A clockwise outline is turned round, and its pose and height applied."""
     block = Block(((-1, -1), (-1, 1), (2, 1), (2, -1)), 0, 1)
-    (shape,) = place_blocks([block], Pose2(10, 20, math.pi / 2), 0.5, Surface(0.25, False, "blue"))
+    (shape,) = place_blocks([block], Pose2(10, 20, math.pi / 2), 0.5, (0.25, False, "blue"))
     assert signed_area(shape.points) == pytest.approx(6)
     assert sorted(shape.points) == [pytest.approx(p) for p in [(9, 19), (9, 22), (11, 19), (11, 22)]]
     assert (shape.z_min, shape.z_max, shape.ranger_return, shape.obstacle) == (0.5, 1.5, 0.25, False)

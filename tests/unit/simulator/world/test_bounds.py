@@ -31,11 +31,12 @@ def test_a_long_name_of_a_file_is_cut(tmp_path: Path) -> None:
     assert len(refusal(tmp_path, f'include "{"a" * 100_000}"\n')) < 500
 
 
-def test_included_text_is_bounded_as_a_whole(tmp_path: Path) -> None:
+def test_included_text_is_bounded_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A few lines that include one large file of comments over and over are refused."""
-    (tmp_path / "long.inc").write_text("#" + "x" * 9_000_000 + "\n")
+    monkeypatch.setattr("zteam.simulator.world.text.MAX_CHARACTERS", 3_500)
+    (tmp_path / "long.inc").write_text("#" + "x" * 900 + "\n")
     error = refusal(tmp_path, 'include "long.inc"\n' * 20 + ROBOT)
-    assert "hostile.world:4:1: more than 33554432 characters" in error
+    assert "hostile.world:4:1: more than 3500 characters" in error
 
 
 def test_points_are_bounded_after_macros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,12 +72,13 @@ def test_floors_of_one_bitmap_share_its_cells() -> None:
     assert peak < 60e6
 
 
-def test_noise_is_no_wall_for_the_dynamic_physics() -> None:
+def test_noise_is_no_wall_for_the_dynamic_physics(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bitmap with more walls than contacts can be computed for is refused, and the way out named."""
-    noise = np.random.default_rng(0).random((1100, 1100)) < 0.5
+    monkeypatch.setattr("zteam.simulator.core.dynamic.MAX_WALLS", 4_000)
+    noise = np.random.default_rng(0).random((110, 110)) < 0.5
     plan = Floorplan("noise", noise, (0.1, 0.1), Pose2(1.0, 0.0, 0.0), 0.0, 1.0)
     world = World("w", 100_000_000, (plan,), (), (make_robot(),))
-    with pytest.raises(UsageError, match=r"'noise' this world has more than 400000 .* kinematic"):
+    with pytest.raises(UsageError, match=r"'noise' this world has more than 4000 .* kinematic"):
         Engine(world).step({})
     Engine(world, options=Options(physics="kinematic")).step({})
 
