@@ -31,7 +31,7 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     """Every process that answers or has a presence token; one that does not answer has pid 0."""
     # By name too: one process may hold several, as a navigation of several robots does. `zteam tf static` holds a
     # token for the aggregator alone.
-    held = {token for token in find_tokens(bus, names.tokens_key()) if token[1] != names.STATIC_CALLER}
+    held = {token for token in find_tokens(bus, names.tokens_key("*")) if token[1] != names.STATIC_CALLER}
     infos = {(info.name, info.instance): info for info in find_processes(bus)}
     silent = [ProcessInfo(name, "does not answer", 0, 0, i) for _, name, i in held if (name, i) not in infos]
     # On a crowded machine an answer is there before its process's token.

@@ -371,7 +371,7 @@ def topics_of(
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
         wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
         if "log" in viewer.look.docs:
-            wanted.add(Topic(names.log_key(), Log, every=True))
+            wanted.add(Topic(names.log_key("*"), Log, every=True))
         if "goals" in layers:
             wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
             wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))

@@ -41,7 +41,7 @@ class RobotCommands:
         """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
         self._others = Writers()
         """Sessions that command a robot without ever having held its name."""
-        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        node.bus.watch_tokens([names.tokens_key("*")], self._on_token)
         node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
 
     def _on_token(self, key: str, alive: bool) -> None:

@@ -95,8 +95,8 @@ class LockStep:
         node.bus.holding.open(token)
         node.claim.under_name.append(token)
         node.stop.on_request(self._wake)
-        CertainTokens(node.bus, names.tokens_key(), self._on_token)
-        node.bus.subscribe_from(names.done_key(), Done, self._on_done)
+        CertainTokens(node.bus, names.tokens_key("*"), self._on_token)
+        node.bus.subscribe_from(names.done_key("*"), Done, self._on_done)
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _wake(self) -> None:

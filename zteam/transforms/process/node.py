@@ -61,7 +61,7 @@ class Aggregator:
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
         node.bus.watch_link(self._on_link)
-        node.watch_tokens(names.tokens_key(), self._on_token)
+        node.watch_tokens(names.tokens_key("*"), self._on_token)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
