@@ -27,7 +27,7 @@ def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:
     if now is None:
         waiter.wait(lambda: clock.now() > 0, None, "a simulator's time; --clock wall uses the host's")
     elif now > clock.now():
-        clock.sim.set(now)
+        clock.set(now)
     return clock
 
 

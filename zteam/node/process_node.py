@@ -100,7 +100,7 @@ class ProcessNode:
             self.clock.use_wall()
         self._ended = self._half_jump = 0
         """The time (ns) before its last jump back, and half of that jump."""
-        self.clock.sim.on_jump_back(self._note_jump)
+        self.clock.on_jump_back(self._note_jump)
         self._failure: BaseException | None = None
         self._busy = False
         """Whether a step is under way."""
@@ -327,7 +327,7 @@ class ProcessNode:
 
         It runs under `changed`, before anything of the new time. An error of it ends the process.
         """
-        self.clock.sim.on_jump_back(lambda _old, _new: callback())
+        self.clock.on_jump_back(lambda _old, _new: callback())
 
     def _note_jump(self, old: int, new: int) -> None:
         self._ended, self._half_jump = old, (old - new) // 2
@@ -363,7 +363,7 @@ class ProcessNode:
     def set_time(self, stamp: int) -> None:
         """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
         try:
-            self.clock.sim.set(stamp)
+            self.clock.set(stamp)
         except BaseException as error:
             self.fail(error)
 

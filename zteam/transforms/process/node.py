@@ -56,7 +56,7 @@ class Aggregator:
         self._part.repeat = self._repeat
         node.need(self._lacks)
         node.adopt(self.act, self)
-        node.clock.sim.on_jump_back(self._on_jump_back)
+        node.clock.on_jump_back(self._on_jump_back)
         node.hear(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
@@ -98,7 +98,7 @@ class Aggregator:
     def _merge(self, robot_id: int, message: TFMessage, tick: int = 0) -> None:
         clock = self._node.clock
         # After a cut link or a freeze, transforms may come before the clock that belongs to them.
-        now, trusts = clock.now(), not (clock.simulated and clock.sim.stands) and not FREEZES.has_just_woken()
+        now, trusts = clock.now(), not clock.stands and not FREEZES.has_just_woken()
         self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
