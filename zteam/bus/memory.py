@@ -14,9 +14,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from zteam.bus.bus import Bus
-from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.transport import (
     TIMED_OUT,
+    Answers,
     Closeable,
     Handle,
     QueryHandler,
@@ -25,6 +25,7 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    Transport,
     call,
     check_use,
     matches,
@@ -43,7 +44,6 @@ class HubReceiver(NamedTuple):
 
 
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
-Forget = Callable[[Closeable], object]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
@@ -61,7 +61,7 @@ class _Queryable(NamedTuple):
     session: str
     key: str
     handler: QueryHandler
-    deferred: DeferredAnswers
+    answers: Answers
 
 
 class MemoryHub:
@@ -118,7 +118,7 @@ class MemoryHub:
         self.deliver(told, alive)
 
 
-class MemoryTransport:
+class MemoryTransport(Transport):
     """One session on a MemoryHub."""
 
     def __init__(self, hub: MemoryHub, owner: str = "", instance: str = "") -> None:
@@ -126,27 +126,20 @@ class MemoryTransport:
 
         `instance` is this session's id; empty for one that is unique on this hub.
         """
-        self._hub = hub
-        self._owner = owner
-        self.instance = instance or f"{hub.new_id():032x}"
-        self._open: dict[Closeable, None] = {}
-        """In the order in which they were declared."""
-        self._deferred = DeferredAnswers()
-        self._closed = False
+        super().__init__(instance or f"{hub.new_id():032x}")
+        self._hub, self._owner = hub, owner
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
-        check_use("publish on", key, self._closed)
+        check_use("publish on", key, self.closed)
         passed_over, source = self.instance if to_others else "", source or self.instance
-        publisher = MemoryPublisher(self._hub, key, encoding, latched, passed_over, source, self._forget)
-        self._open[publisher] = None
-        return publisher
+        return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        check_use("subscribe to", key_expr, self._closed)
+        check_use("subscribe to", key_expr, self.closed)
         hub, number, receiver = self._hub, self._hub.new_id(), HubReceiver(self._owner, handler)
         with hub.lock:
             hub.subscribers[number] = _Subscriber(self.instance, key_expr, receiver)
@@ -154,27 +147,23 @@ class MemoryTransport:
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
-        return self._keep(lambda: hub.remove_subscriber(number))
+        return self._keep(Handle(lambda: hub.remove_subscriber(number)))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        check_use("serve", key, self._closed)
+        check_use("serve", key, self.closed)
         number = self._hub.new_id()
-        self._hub.queryables[number] = _Queryable(self.instance, key, handler, self._deferred)
-        return self._keep(lambda: self._hub.queryables.pop(number, None))
+        self._hub.queryables[number] = _Queryable(self.instance, key, handler, self._answers)
+        return self._keep(Handle(lambda: self._hub.queryables.pop(number, None)))
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
-        check_use("ask", key_expr, self._closed)
+        check_use("ask", key_expr, self.closed)
         end = monotonic() + timeout
         come: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         passed_over = self.instance if to_others else None
         served = list(self._hub.queryables.values())
         asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
         for queryable in asked:
-            answer = make_answer(queryable.key, partial(queryable.handler, key_expr, payload))
-            if isinstance(answer, Reply):
-                come.put(answer)
-            else:
-                queryable.deferred.start(queryable.key, answer, come.put)
+            queryable.answers.answer(queryable.key, partial(queryable.handler, key_expr, payload), come.put)
         replies: list[Reply] = []
         for _ in asked:
             try:
@@ -184,48 +173,30 @@ class MemoryTransport:
         return replies
 
     def declare_token(self, key: str) -> Closeable:
-        check_use("declare the token", key, self._closed)
+        check_use("declare the token", key, self.closed)
         self._hub.change_token(key, 1)
-        return self._keep(lambda: self._hub.change_token(key, -1))
+        return self._keep(Handle(lambda: self._hub.change_token(key, -1)))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        check_use("watch", key_expr, self._closed)
+        check_use("watch", key_expr, self.closed)
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
             hub.watchers[number] = self._owner, key_expr, handler
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
             hub.deliver([HubReceiver(self._owner, partial(call, handler, key))], True)
-        return self._keep(lambda: hub.watchers.pop(number, None))
-
-    def watch_link(self, handler: Callable[[bool], None]) -> None:
-        """The link to a hub is never lost, so `handler` is never called."""
-
-    def close(self) -> None:
-        self._closed = True
-        for handle in list(self._open):
-            handle.close()
-
-    def _keep(self, close: Callable[[], object]) -> Closeable:
-        handle = Handle(lambda: self._forget(handle), close)
-        self._open[handle] = None
-        return handle
-
-    def _forget(self, handle: Closeable) -> None:
-        self._open.pop(handle, None)
+        return self._keep(Handle(lambda: hub.watchers.pop(number, None)))
 
 
-class MemoryPublisher:
+class MemoryPublisher(Handle):
     """Publishes on one key of a hub."""
 
-    def __init__(
-        self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str, forget: Forget
-    ) -> None:
-        """The session `passed_over` gets nothing. `source` is the session id that its samples carry. `forget` is called
-        at its end."""
+    def __init__(self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str) -> None:
+        """The session `passed_over` gets nothing. `source` is the session id that its samples carry."""
+        super().__init__(self._end)
         self._hub, self._number = hub, hub.new_id()
         self._key, self._encoding, self._latched = key, encoding, latched
-        self._passed_over, self._source, self._forget = passed_over, source, forget
+        self._passed_over, self._source = passed_over, source
         self._closed = False
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
@@ -262,8 +233,7 @@ class MemoryPublisher:
     def _sample(self, content: bytes | Message) -> RawSample:
         return RawSample(self._key, content, self._encoding, next(self._hub.timestamps), self._source)
 
-    def close(self) -> None:
+    def _end(self) -> None:
         with self._hub.lock:
             self._closed = True
             self._hub.latched.pop(self._number, None)
-        self._forget(self)

@@ -1,9 +1,8 @@
 """Typed queries: requests and answers as JSON, errors as texts that the asker gets as BusError.
 
-Nothing on the wire may crash a process, and a slow answer is made on a thread of its own.
+Nothing on the wire may crash a process.
 """
 
-import logging
 import threading
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, NamedTuple, TypeVar
@@ -11,10 +10,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import msgspec
 
 from zteam.bus.receiving import Counters
-from zteam.bus.transport import TIMED_OUT, QueryHandler, Reply, size_problem
-from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, ZteamError
-
-log = logging.getLogger("zteam.bus")
+from zteam.bus.transport import TIMED_OUT, Finish, QueryHandler, Reply, size_problem
+from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError
 
 Request = TypeVar("Request", bound=msgspec.Struct)
 T = TypeVar("T")
@@ -22,10 +19,6 @@ T = TypeVar("T")
 _DECODERS: dict[Any, msgspec.json.Decoder[Any]] = {}
 """By type. msgspec 0.22 crashes if two threads use a type for the first time at once, so they are made under a lock."""
 _MAKING = threading.Lock()
-MAX_DEFERRED = 64
-"""Deferred answers of a session at once; each has a thread."""
-
-Finish = Callable[[], bytes]
 
 
 class NoRequest(msgspec.Struct):
@@ -89,7 +82,7 @@ def query_handler(
 ) -> QueryHandler:
     """The transport's handler that calls the typed `handler`."""
 
-    def handle(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
+    def handle(asked: str, payload: bytes) -> bytes | Finish:
         if issubclass(request_type, Change) and asked not in (key, request_type.wildcard):
             raise BusError(f"{key} changes something: ask for it by this key, not by the wildcard {asked}")
         try:
@@ -103,47 +96,3 @@ def query_handler(
         return msgspec.json.encode(answer)
 
     return handle
-
-
-def make_answer(key: str, make: Callable[[], bytes | Finish]) -> Reply | Finish:
-    """The reply to a query on `key`, or the call that takes its time to make it.
-
-    The text of a ZteamError goes to the asker as it is. Any other exception is a fault: it is logged here, and the
-    asker gets its type and text.
-    """
-    try:
-        made = make()
-    except ZteamError as error:
-        return error_reply(str(error))
-    except Exception as error:
-        log.exception("error while answering the query %s", key)
-        return error_reply(f"{type(error).__name__}: {error}")
-    return made if callable(made) else Reply(key, made, False)
-
-
-def error_reply(text: str) -> Reply:
-    """A reply that carries an error; as in Zenoh, it has no key."""
-    return Reply("", text.encode(), True)
-
-
-class DeferredAnswers:
-    """The deferred answers of one session."""
-
-    def __init__(self) -> None:
-        self._free = threading.BoundedSemaphore(MAX_DEFERRED)
-
-    def start(self, key: str, finish: Finish, send: Callable[[Reply], None]) -> None:
-        """Make an answer on a new thread and `send` it; if too many are waiting, send an error at once."""
-        if not self._free.acquire(blocking=False):
-            send(error_reply(f"more than {MAX_DEFERRED} queries are waiting: ask again later"))
-            return
-
-        def work() -> None:
-            try:
-                reply = make_answer(key, finish)
-                assert isinstance(reply, Reply)
-                send(reply)
-            finally:
-                self._free.release()
-
-        threading.Thread(target=work, name="deferred answer", daemon=True).start()

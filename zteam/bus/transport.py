@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -9,13 +10,15 @@ import msgspec
 import zenoh
 
 from zteam.clock import Sent
-from zteam.errors import BusError
+from zteam.errors import BusError, ZteamError
 from zteam.messages import Message, encode
 
 log = logging.getLogger("zteam.bus")
 
 MAX_PAYLOAD = 64 * 1024 * 1024
 """Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. Larger ones are not decoded."""
+MAX_DEFERRED = 64
+"""Answers of a session that take their time at once; each has a thread."""
 _LAST_CALL = 0.3
 """Host seconds that the end of a session waits for what a thread has begun."""
 
@@ -135,13 +138,16 @@ class Handle:
     """A declaration that is taken back by these calls, in order and once."""
 
     def __init__(self, *calls: Callable[[], object]) -> None:
-        self._calls = calls
+        self.calls = calls
 
     def close(self) -> None:
         """Take it back; a second call does nothing."""
-        calls, self._calls = self._calls, ()
+        calls, self.calls = self.calls, ()
         for each in calls:
             each()
+
+
+H = TypeVar("H", bound=Handle)
 
 
 class Held(Generic[C]):
@@ -229,22 +235,73 @@ class RawPublisher(Closeable, Protocol):
 
 
 SampleHandler = Callable[[RawSample], None]
-QueryHandler = Callable[[str, bytes], bytes | Callable[[], bytes]]
-"""Answers a query, of which it gets the key expression that was asked and the payload: at once, or with a call that may
-take its time."""
+Finish = Callable[[], bytes]
+"""Makes an answer, and may take its time."""
+QueryHandler = Callable[[str, bytes], bytes | Finish]
+"""Answers a query, of which it gets the key expression that was asked and the payload."""
 TokenHandler = Callable[[str, bool], None]
 
 
-class Transport(Protocol):
-    """Sessions, in the words of Zenoh. Handlers are called from the transport's threads and must be quick.
+class Answers:
+    """The answers of one session to queries."""
+
+    def __init__(self) -> None:
+        self._free = threading.BoundedSemaphore(MAX_DEFERRED)
+
+    def answer(self, key: str, make: Callable[[], bytes | Finish], send: Callable[[Reply], object]) -> None:
+        """Send what `make()` returns. What takes its time is finished on a new thread, unless too many are at work.
+
+        The text of a ZteamError goes to the asker as it is. Any other exception is a fault: it is logged here, and the
+        asker gets its type and text.
+        """
+        try:
+            made = make()
+        except ZteamError as error:
+            send(error_reply(str(error)))
+        except Exception as error:
+            log.exception("error while answering the query %s", key)
+            send(error_reply(f"{type(error).__name__}: {error}"))
+        else:
+            if isinstance(made, bytes):
+                send(Reply(key, made, False))
+            elif self._free.acquire(blocking=False):
+                threading.Thread(target=self._finish, args=(key, made, send), name="answer", daemon=True).start()
+            else:
+                send(error_reply(f"more than {MAX_DEFERRED} queries are waiting: ask again later"))
+
+    def _finish(self, key: str, finish: Finish, send: Callable[[Reply], object]) -> None:
+        try:
+            self.answer(key, finish, send)
+        finally:
+            self._free.release()
+
+
+def error_reply(text: str) -> Reply:
+    """A reply that carries an error; as in Zenoh, it has no key."""
+    return Reply("", text.encode(), True)
+
+
+class Transport(ABC):
+    """A session, in the words of Zenoh. Handlers are called from the transport's threads and must be quick.
 
     After `close`, declarations and `get` raise BusError; so does a key that is no key expression.
     """
 
-    @property
-    def instance(self) -> str:
+    def __init__(self, instance: str) -> None:
+        self.instance = instance
         """This session's id, unique among all sessions."""
+        self.closed = False
+        self._open: dict[Handle, None] = {}
+        """In the order in which they were declared."""
+        self._answers = Answers()
 
+    def _keep(self, handle: H) -> H:
+        """A declaration that is closed with the session, if it is not before."""
+        self._open[handle] = None
+        handle.calls = lambda: self._open.pop(handle, None), *handle.calls
+        return handle
+
+    @abstractmethod
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
@@ -254,6 +311,7 @@ class Transport(Protocol):
         carry, if it is not this session's.
         """
 
+    @abstractmethod
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
@@ -262,26 +320,30 @@ class Transport(Protocol):
         Without `stamped`, samples have neither time nor source: reading those takes as long as the rest.
         """
 
+    @abstractmethod
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        """Answer queries on `key`; what `handler` raises goes to the asker as an error text.
+        """Answer queries on `key`; what `handler` raises goes to the asker as an error text."""
 
-        An answer that takes its time is made on a thread of its own.
-        """
-
+    @abstractmethod
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         """Ask and wait for all answers, `timeout` seconds at most; then one of them is TIMED_OUT.
 
         With `to_others` the own session is not asked.
         """
 
+    @abstractmethod
     def declare_token(self, key: str) -> Closeable:
         """A token that lives as long as this session."""
 
+    @abstractmethod
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
 
-    def watch_link(self, handler: Callable[[bool], None]) -> None:
-        """Call `handler(up)` when the link to the router is lost or back."""
+    def watch_link(self, handler: Callable[[bool], None]) -> None:  # noqa: B027
+        """Call `handler(up)` when the link to the router is lost or back; without a router it never is."""
 
     def close(self) -> None:
         """Undeclare everything and end the session; a second call does nothing."""
+        self.closed = True
+        for declared in list(self._open):
+            declared.close()

@@ -18,7 +18,6 @@ import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.options import ROUTER_ANSWER
-from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.stamps import read_stamp, stamping_as
 from zteam.bus.transport import (
@@ -31,6 +30,7 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    Transport,
     call,
     check_use,
     first_line,
@@ -148,41 +148,27 @@ def _writer_of(sample: zenoh.Sample, raw: RawSample) -> Writer:
     return raw.key, str(info.source_id.zid), str(info.source_id.eid)
 
 
-class Declared:
-    """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
-
-    def __init__(self, entity: Any, declared: set["Declared"]) -> None:
-        """It is in the set `declared` until it is closed."""
-        self._entity = entity
-        self._declared = declared
-        declared.add(self)
-
-    def close(self) -> None:
-        entity, self._entity = self._entity, None
-        if entity is None:
+def _undeclare(entity: Any) -> None:
+    for _ in range(_TRIES):
+        try:
+            entity.undeclare()
             return
-        self._declared.discard(self)
-        for _ in range(_TRIES):
-            try:
-                entity.undeclare()
-                return
-            except zenoh.ZError as error:
-                log.debug("undeclare: %s", error)
-                return
-            except RuntimeError:
-                # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
-                pause(_AGAIN)
-        log.debug("undeclare: another thread uses it still")
+        except zenoh.ZError as error:
+            log.debug("undeclare: %s", error)
+            return
+        except RuntimeError:
+            # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
+            pause(_AGAIN)
+    log.debug("undeclare: another thread uses it still")
 
 
-class ZenohPublisher(Declared):
+class ZenohPublisher(Handle):
     """Publishes on one key."""
 
-    def __init__(
-        self, entity: Any, declared: set[Declared], latched: bool, stamp: Callable[[], zenoh.Timestamp]
-    ) -> None:
+    def __init__(self, entity: Any, latched: bool, stamp: Callable[[], zenoh.Timestamp]) -> None:
         """`stamp()` makes the time stamps of samples."""
-        super().__init__(entity, declared)
+        super().__init__(self._end, partial(_undeclare, entity))
+        self._entity: Any = entity
         self._matching = True
         self._stamp = stamp
         if not latched:
@@ -199,6 +185,9 @@ class ZenohPublisher(Declared):
     @property
     def has_subscribers(self) -> bool:
         return self._matching and self._entity is not None
+
+    def _end(self) -> None:
+        self._entity = None
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
@@ -219,12 +208,10 @@ class ZenohPublisher(Declared):
                 raise
 
 
-class TokenWatch(Declared):
+class TokenWatch(Handle):
     """Tells a handler of tokens that are there, come or go. `receive` and `look` are called on one thread."""
 
-    def __init__(
-        self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
-    ) -> None:
+    def __init__(self, session: zenoh.Session, key_expr: str, handler: TokenHandler, thread: Aside) -> None:
         """The handler is called on `thread`. Raises zenoh.ZError."""
         self._session, self._key_expr, self._handler = session, key_expr, handler
         self._alive: set[str] = set()
@@ -235,7 +222,7 @@ class TokenWatch(Declared):
             self.receive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         callback = thread.callback(on_token)
-        super().__init__(session.liveliness().declare_subscriber(key_expr, callback, history=True), declared)
+        super().__init__(partial(_undeclare, session.liveliness().declare_subscriber(key_expr, callback, history=True)))
 
     def receive(self, key: str, alive: bool) -> None:
         (self._alive.add if alive else self._alive.discard)(key)
@@ -272,34 +259,34 @@ def _reply(query: zenoh.Query, reply: Reply) -> None:
         log.debug("reply: %s", error)
 
 
-class ZenohTransport:
+class ZenohTransport(Transport):
     """An open Zenoh session seen as a Transport."""
 
     def __init__(self, session: zenoh.Session) -> None:
+        super().__init__(str(session.zid()))
         self._session = session
-        self.instance = str(session.zid())
         self._stamp = stamping_as(self.instance)
-        self._declared: set[Declared] = set()
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
         self._before_close: list[Callable[[], None]] = []
-        self.up, self.closed = True, False
+        self.up = True
         # Answers do not wait for what a change of presence leads to.
         self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
         callback = self._presence.callback(self._on_transport)
-        events = session.info.declare_transport_events_listener(callback, history=True)
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
-        Declared(events, self._declared)
-        self._deferred = DeferredAnswers()
+        self._hold(session.info.declare_transport_events_listener(callback, history=True))
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
+    def _hold(self, entity: Any) -> Closeable:
+        return self._keep(Handle(partial(_undeclare, entity)))
+
     def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
-        return Declared(self._make(action, key, declare), self._declared)
+        return self._hold(self._make(action, key, declare))
 
     def _make(self, action: str, key: str, declare: Callable[[], T]) -> T:
         check_use(action, key, self.closed)
@@ -338,7 +325,7 @@ class ZenohTransport:
             )
 
         entity = self._make("publish on", key, declare)
-        return ZenohPublisher(entity, self._declared, latched, stamping_as(source) if source else self._stamp)
+        return self._keep(ZenohPublisher(entity, latched, stamping_as(source) if source else self._stamp))
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
@@ -395,11 +382,7 @@ class ZenohTransport:
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
-            answer = make_answer(key, lambda: handler(str(query.key_expr), payload))
-            if isinstance(answer, Reply):
-                _reply(query, answer)
-            else:
-                self._deferred.start(key, answer, lambda reply: _reply(query, reply))
+            self._answers.answer(key, lambda: handler(str(query.key_expr), payload), partial(_reply, query))
 
         def declare() -> Any:
             self._keep_id(key)
@@ -436,10 +419,10 @@ class ZenohTransport:
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         session, thread = self._session, self._presence
-        return self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread))
+        return self._keep(self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, thread)))
 
     def _look_at_tokens(self) -> None:
-        for declared in list(self._declared):
+        for declared in list(self._open):
             if isinstance(declared, TokenWatch):
                 declared.look()
 
@@ -448,7 +431,7 @@ class ZenohTransport:
 
     def limit_silence(self, seconds: float) -> None:
         """Let the system end a link over which data goes unacknowledged for so long (`sockets.py`)."""
-        Declared(limit_silence(self._session, seconds), self._declared)
+        self._hold(limit_silence(self._session, seconds))
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         if self._links.count(event):
@@ -470,8 +453,7 @@ class ZenohTransport:
         self._link_handlers.clear()
         while self._before_close:
             self._before_close.pop()()
-        for declared in list(self._declared):
-            declared.close()
+        super().close()
         self._session.close()  # type: ignore[no-untyped-call]
         self._queries.end()
         self._presence.end()

@@ -108,7 +108,7 @@ def test_an_end_that_was_not_told_is_seen(bus: Bus) -> None:
     bus.declare_token("here")
     bus.watch_tokens(["*"], told)
     told.wait_for(("here", True))
-    (watch,) = (declared for declared in bus.transport._declared if isinstance(declared, TokenWatch))
+    (watch,) = (declared for declared in bus.transport._open if isinstance(declared, TokenWatch))
     watch.receive("gone", True)
     assert ("here", False) not in told.wait_for(("gone", False))
 
@@ -116,7 +116,7 @@ def test_an_end_that_was_not_told_is_seen(bus: Bus) -> None:
 def test_a_lost_router_says_nothing_of_tokens(bus: Bus, router: RouterProcess) -> None:
     """Without a router a look takes no token as gone."""
     told = Inbox()
-    watch = TokenWatch(bus.transport._session, "*", told, set(), bus.transport._presence)
+    watch = TokenWatch(bus.transport._session, "*", told, bus.transport._presence)
     watch.receive("a", True)
     router.kill()
     wait_until_true(lambda: not bus.transport.up)
