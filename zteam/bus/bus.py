@@ -244,20 +244,19 @@ class Bus:
         return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(
-        self, key_expr: str, callback: Callable[[RawSample], None], *, latched: bool = False
+        self,
+        key_expr: str,
+        callback: Callable[[RawSample], None],
+        *,
+        latched: bool = False,
+        only: type[Message] | None = None,
     ) -> Closeable:
-        """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
-        return self._subscribe(key_expr, self._receiver.guarded(callback), latched, True)
+        """Call `callback` with undecoded samples: for tools that learn the type from the encoding.
 
-    def subscribe_contents(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, bytes | M], None]
-    ) -> Closeable:
-        """Call `callback(key, content)` with undecoded messages of one type, for callers that decode them themselves.
-
-        Content is the message's bytes, or the message itself where it has none. Bytes for which `callback` raises
-        DecodeError are counted as dropped.
+        With `only`, those of other types are dropped, and without `latched` the rest have neither time nor source:
+        reading those takes as long as all else.
         """
-        return self._subscribe(key_expr, self._receiver.contents(message_type, callback), False, False)
+        return self._subscribe(key_expr, self._receiver.samples(callback, only), latched, latched or only is None)
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""

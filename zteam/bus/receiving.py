@@ -185,32 +185,20 @@ class Receiver:
             else:
                 callback(key, message)
 
-        return self.guarded(handle)
+        return self.samples(handle)
 
-    def contents(self, message_type: type[M], callback: Callable[[str, bytes | M], None]) -> SampleHandler:
-        """Calls `callback(key, content)`, which may raise DecodeError."""
-
-        def handle(sample: RawSample) -> None:
-            if self._refuse(sample, message_type):
-                return
-            content = sample.content
-            try:
-                callback(sample.key, content if isinstance(content, message_type) else sample.payload)
-            except DecodeError as error:
-                self._counters.drop(sample.key, str(error))
-                return
-            self._counters.of(sample.key).received += 1
-
-        return self.guarded(handle)
-
-    def guarded(self, callback: Callable[[RawSample], object]) -> SampleHandler:
-        """Calls `callback(sample)` for samples of a permitted size, and logs its exceptions."""
+    def samples(self, callback: Callable[[RawSample], object], only: type[Message] | None = None) -> SampleHandler:
+        """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
             # A message without bytes is a small one.
             if type(sample.content) is bytes and (problem := size_problem(sample.content)):
                 self._counters.drop(sample.key, problem)
                 return
+            if only is not None:
+                if self._refuse(sample, only):
+                    return
+                self._counters.of(sample.key).received += 1
             try:
                 callback(sample)
             except Exception:
