@@ -12,6 +12,7 @@ from typing import Any, Literal
 import msgspec
 import zenoh
 
+from zteam.bus.transport import MAX_PAYLOAD, first_line
 from zteam.clock import HOST_FACTOR, PATIENCE_BOUNDS
 from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError, printable
@@ -289,17 +290,14 @@ def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
     try:
         built = zenoh.Config() if config is None else zenoh.Config.from_file(config)
     except zenoh.ZError as error:
-        raise UsageError(f"--config {config}: {str(error).splitlines()[0]}") from None
+        raise UsageError(f"--config {config}: {first_line(error)}") from None
     for key, value in settings.items():
         try:
             built.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise UsageError(f"Zenoh does not take {key} = {value!r}: {str(error).splitlines()[0]}") from None
+            raise UsageError(f"Zenoh does not take {key} = {value!r}: {first_line(error)}") from None
     return built
 
-
-_MAX_MESSAGE = 65 * 1024 * 1024
-"""Bytes of a message: a little more than MAX_PAYLOAD of `transport.py`, which the router does not import."""
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -309,7 +307,7 @@ _COMMON: dict[str, Any] = {
     # The default of 2 batches loses messages in bursts; 16 lost none in 76,000 ticks of 20 robots.
     "transport/link/tx/queue/size/data": 16,
     # A larger one is refused anyway; the default of 1 GB would be held in memory first.
-    "transport/link/rx/max_message_size": _MAX_MESSAGE,
+    "transport/link/rx/max_message_size": MAX_PAYLOAD + 2**20,
     # Zenoh's own time stamps need clocks that agree (`stamps.py`).
     "timestamping/enabled": False,
 }

@@ -3,22 +3,17 @@
 Nothing on the wire may crash a process.
 """
 
-import threading
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import msgspec
 
 from zteam.bus.receiving import Counters
-from zteam.bus.transport import TIMED_OUT, Finish, QueryHandler, Reply, size_problem
+from zteam.bus.transport import TIMED_OUT, Finish, QueryHandler, Reply, decode_json
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError
 
 Request = TypeVar("Request", bound=msgspec.Struct)
 T = TypeVar("T")
-
-_DECODERS: dict[Any, msgspec.json.Decoder[Any]] = {}
-"""By type. msgspec 0.22 crashes if two threads use a type for the first time at once, so they are made under a lock."""
-_MAKING = threading.Lock()
 
 
 class NoRequest(msgspec.Struct):
@@ -39,22 +34,6 @@ class Deferred(NamedTuple):
     """An answer that takes its time: `finish()` returns it and is called on a thread of its own."""
 
     finish: Callable[[], Any]
-
-
-def decode_json(payload: bytes, kind: type[T]) -> T:
-    """A request or an answer. Raises DecodeError."""
-    if problem := size_problem(payload):
-        raise DecodeError(problem)
-    with _MAKING:
-        if kind not in _DECODERS:
-            _DECODERS[kind] = msgspec.json.Decoder(kind)
-    try:
-        decoded: T = _DECODERS[kind].decode(payload)
-        return decoded
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise DecodeError(str(error)) from None
-    except RecursionError:
-        raise DecodeError("it is nested too deeply") from None
 
 
 def read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -> list[tuple[str, T]]:
