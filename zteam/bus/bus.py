@@ -120,8 +120,7 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        content, raw = encode(message), self._handle
-        self._keep(content) if raw is None else raw.put(content)
+        self._send(encode(message))
 
     def put_owned(self, message: M) -> None:
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
@@ -129,17 +128,16 @@ class Publisher(Held[RawPublisher], Generic[M]):
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
         still narrowed, and arrays become read-only.
         """
-        raw = self._handle
-        self._keep(message) if raw is None else raw.put(message)
+        self._send(message)
 
-    def _keep(self, content: bytes | M) -> None:
-        with self._lock:
-            raw = self._handle
-            if raw is None:
-                self._kept = content
-                return
-        # It has been opened meanwhile.
-        raw.put(content)
+    def _send(self, content: bytes | M) -> None:
+        if self._handle is None:
+            with self._lock:
+                # Unless it has been opened meanwhile.
+                if self._handle is None:
+                    self._kept = content
+                    return
+        self._handle.put(content)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""
@@ -175,7 +173,7 @@ class Bus:
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
-            self.watch_link(self._check_rights_again)
+            self.watch_link(rights.check_again)
 
     @property
     def instance(self) -> str:
@@ -338,11 +336,6 @@ class Bus:
     def _check_later(self, use: Use) -> None:
         if self._rights is not None:
             self._rights.check_later(use)
-
-    def _check_rights_again(self, up: bool) -> None:
-        if up and self._rights is not None:
-            keys = [each.key for each in list(self._declared.values()) if each.publishes]
-            self._rights.check_again(Use(key, PUBLISHES) for key in keys)
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))

@@ -114,14 +114,15 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
                 raise BusError(fault)
         waited = monotonic() - start
         if patience is not None and waited > patience:
-            raise BusError(_no_router(options))
-        if reasons.due():
+            if port_accepts(options.endpoint):
+                raise BusError(": ".join(why_refused(options)))
+            raise BusError(
+                f"no Zenoh router answers at {options.endpoint}: "
+                f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
+            )
+        if (why := reasons.look()) is not None:
             place = f"{options.endpoint} (Ctrl+C to give up)"
-            if not port_accepts(options.endpoint):
-                reasons.forget()
-                log.warning("waiting for a Zenoh router at %s", place)
-            elif why := reasons.look():
-                log.warning("waiting for a Zenoh router at %s: %s", place, why)
+            log.warning("waiting for a Zenoh router at %s", f"{place}: {why}" if why else place)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
@@ -140,16 +141,6 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
         while not (is_reached := _is_reached(options, key)) and monotonic() < deadline:
             pause(_LOOK_AGAIN)
     return bool(is_reached)
-
-
-def _no_router(options: BusOptions) -> str:
-    endpoint = options.endpoint
-    if port_accepts(endpoint):
-        return ": ".join(why_refused(options))
-    return (
-        f"no Zenoh router answers at {endpoint}: start one with 'zteam-router --listen {endpoint}', "
-        "or leave --connect out"
-    )
 
 
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
@@ -206,7 +197,7 @@ def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> 
     ever."""
     reasons = Reasons(options, _LINK_PATIENCE)
     while lasts():
-        if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
+        if why := reasons.look():
             log.error("no link to the router: %s", why)
         pause(_LOOK_AGAIN)
 

@@ -11,7 +11,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from zteam.bus.bus import Bus
 from zteam.bus.transport import (
@@ -43,6 +43,7 @@ class HubReceiver(NamedTuple):
     receive: Callable[[Any], object]
 
 
+T = TypeVar("T")
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
 
 
@@ -78,7 +79,7 @@ class MemoryHub:
         self.timestamps = timestamps or itertools.count(1)
         self.subscribers: dict[int, _Subscriber] = {}
         self.version = 0
-        """Changes with `subscribers`."""
+        """Changes with each declaration."""
         self.queryables: dict[int, _Queryable] = {}
         self.tokens = Counter[str]()
         """How many sessions hold each token."""
@@ -94,10 +95,19 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def remove_subscriber(self, number: int) -> None:
+    def add(self, table: dict[int, T], entry: T) -> Handle:
+        """A declaration, which is in a table of the hub until it is closed."""
+        number = self.new_id()
+
+        def remove() -> None:
+            with self.lock:
+                del table[number]
+                self.version += 1
+
         with self.lock:
-            del self.subscribers[number]
+            table[number] = entry
             self.version += 1
+        return Handle(remove)
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -140,20 +150,18 @@ class MemoryTransport(Transport):
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
         check_use("subscribe to", key_expr, self.closed)
-        hub, number, receiver = self._hub, self._hub.new_id(), HubReceiver(self._owner, handler)
+        hub, receiver = self._hub, HubReceiver(self._owner, handler)
         with hub.lock:
-            hub.subscribers[number] = _Subscriber(self.instance, key_expr, receiver)
-            hub.version += 1
+            subscriber = hub.add(hub.subscribers, _Subscriber(self.instance, key_expr, receiver))
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
-        return self._keep(Handle(lambda: hub.remove_subscriber(number)))
+        return self._keep(subscriber)
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         check_use("serve", key, self.closed)
-        number = self._hub.new_id()
-        self._hub.queryables[number] = _Queryable(self.instance, key, handler, self._answers)
-        return self._keep(Handle(lambda: self._hub.queryables.pop(number, None)))
+        queryable = _Queryable(self.instance, key, handler, self._answers)
+        return self._keep(self._hub.add(self._hub.queryables, queryable))
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         check_use("ask", key_expr, self.closed)
@@ -179,13 +187,13 @@ class MemoryTransport(Transport):
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         check_use("watch", key_expr, self.closed)
-        hub, number = self._hub, self._hub.new_id()
+        hub = self._hub
         with hub.lock:
-            hub.watchers[number] = self._owner, key_expr, handler
+            watch = hub.add(hub.watchers, (self._owner, key_expr, handler))
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
             hub.deliver([HubReceiver(self._owner, partial(call, handler, key))], True)
-        return self._keep(Handle(lambda: hub.watchers.pop(number, None)))
+        return self._keep(watch)
 
 
 class MemoryPublisher(Handle):

@@ -2,7 +2,7 @@
 
 import socket
 
-from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, host_port
+from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, host_port, port_accepts
 from zteam.bus.router import ANSWER_WITHIN, RouterRecord, find_local_routers
 from zteam.clock import monotonic
 
@@ -90,19 +90,12 @@ class Reasons:
         self._next, self._pause = monotonic() + first, _FIRST_PAUSE
         self._given = ""
 
-    def due(self) -> bool:
-        """Whether it is time to look; the next time is then later."""
+    def look(self) -> str | None:
+        """The reason, empty where nothing listens; None if it was given before, or it is not yet time to look."""
         now = monotonic()
         if now < self._next:
-            return False
+            return None
         self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
-        return True
-
-    def look(self) -> str:
-        """The reason, where something listens; empty if it was given before."""
-        before, self._given = self._given, ": ".join(why_refused(self._options))
-        return "" if self._given == before else self._given
-
-    def forget(self) -> None:
-        """Nothing listens: what comes next may have the same reason."""
-        self._given = ""
+        before, listens = self._given, port_accepts(self._options.endpoint)
+        self._given = ": ".join(why_refused(self._options)) if listens else ""
+        return None if self._given and self._given == before else self._given

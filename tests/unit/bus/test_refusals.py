@@ -166,14 +166,13 @@ def test_a_reason_is_given_once_and_again_when_it_has_changed(monkeypatch: pytes
     """The pause between two looks doubles up to a minute, so that looks do not keep a team out."""
     now, reason = 0.0, "frozen"
     monkeypatch.setattr(refusals, "monotonic", lambda: now)
+    looked, given = list[float](), list[tuple[float, str | None]]()
+    monkeypatch.setattr(refusals, "port_accepts", lambda _: looked.append(now) or not 130.0 < now < 190.0)
     monkeypatch.setattr(refusals, "why_refused", lambda _options: (reason, "wait"))
-    reasons, looked, given = Reasons(BusOptions(), 1.0), list[float](), list[str]()
+    reasons = Reasons(BusOptions(), 1.0)
     for now in (0.5 * half for half in range(500)):
         reason = "frozen" if now < 20.0 else "held"
-        if reasons.due():
-            looked.append(now)
-            given.append(reasons.look())
+        if (said := reasons.look()) is not None:
+            given.append((now, said))
     assert looked == [1.0, 6.0, 16.0, 36.0, 76.0, 136.0, 196.0]
-    assert given == ["frozen: wait", "", "", "held: wait", "", "", ""]
-    reasons.forget()
-    assert reasons.look() == "held: wait"
+    assert given == [(1.0, "frozen: wait"), (36.0, "held: wait"), (136.0, ""), (196.0, "held: wait")]
