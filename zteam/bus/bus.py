@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 import msgspec
 
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
-from zteam.bus.receiving import Counters, Receiver
+from zteam.bus.receiving import Receiver
 from zteam.bus.rights import RightCheck, Use
 from zteam.bus.transport import (
     Closeable,
@@ -162,8 +162,7 @@ class Bus:
         self.options = options
         """How it is connected, for another process that is to join the same team; None in memory."""
         self._rights = rights
-        self.counters = Counters()
-        self._receiver = Receiver(self.counters)
+        self.counters = Receiver()
         self.holding = Holding()
         self._declared: dict[object, Declaration] = {}
         self.name = ""
@@ -223,7 +222,7 @@ class Bus:
         with the newest one of theirs.
         """
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages(message_type, callback, latched=latched)
+        handler = self.counters.messages(message_type, callback, latched=latched)
         return self._subscribe(key_expr, handler, latched, latched)
 
     def subscribe_from(
@@ -238,7 +237,7 @@ class Bus:
         `problem(sample)` says why a sample is dropped, and is empty for those that are not.
         """
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages(message_type, callback, with_source=True, problem=problem)
+        handler = self.counters.messages(message_type, callback, with_source=True, problem=problem)
         return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(
@@ -254,11 +253,11 @@ class Bus:
         With `only`, those of other types are dropped, and without `latched` the rest have neither time nor source:
         reading those takes as long as all else.
         """
-        return self._subscribe(key_expr, self._receiver.samples(callback, only), latched, latched or only is None)
+        return self._subscribe(key_expr, self.counters.samples(callback, only), latched, latched or only is None)
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
-        return self._receiver.decode(sample, message_type)
+        return self.counters.decode(sample, message_type)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0

@@ -11,7 +11,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus.bus import MOST_SESSIONS, Bus, SessionInfo, SessionRequest
-from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.clock import monotonic, pause
 from zteam.messages import Message, type_of_encoding
@@ -82,10 +82,15 @@ class Graph:
     ) -> list[str]:
         """The users of a key by name, in the words of `places` where a session is among them.
 
-        A session that is no process of zteam is shown by its id.
+        A process with several names is shown by that of the robot of `key`, a session of no process of zteam by its id.
         """
-        known = {**names_of_sessions(self.processes, key), **(places or {})}
-        return [holder_text(known.get(each), each) if each else "unknown (no time stamp)" for each in sessions]
+        target, known = names.split_robot_key(key), dict[str, str]()
+        fitting = () if target is None else (names.robot_name(target[0]), names.navigation_name(target[0]))
+        for info in self.processes:
+            if info.name in fitting or info.instance not in known:
+                known[info.instance] = info.name
+        known |= places or {}
+        return [known.get(each) or f"session {each}" if each else "unknown (no time stamp)" for each in sessions]
 
     def known_keys(self, robots: Iterable[int] = ()) -> list[str]:
         """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and of these `robots`."""

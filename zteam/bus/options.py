@@ -308,7 +308,7 @@ _COMMON: dict[str, Any] = {
     "transport/link/tx/queue/size/data": 16,
     # A larger one is refused anyway; the default of 1 GB would be held in memory first.
     "transport/link/rx/max_message_size": MAX_PAYLOAD + 2**20,
-    # Zenoh's own time stamps need clocks that agree (`stamps.py`).
+    # Zenoh's own time stamps need clocks that agree (`stamping_as`).
     "timestamping/enabled": False,
 }
 
@@ -338,30 +338,9 @@ def client_config(options: BusOptions) -> zenoh.Config:
     return _build(options.config, settings)
 
 
-_NEVER_BLOCK = [
-    {
-        "id": "never_block",
-        "messages": ["put", "delete"],
-        "key_exprs": ["**"],
-        "flows": ["ingress"],
-        "overwrite": {"congestion_control": "drop"},
-    }
-]
-"""What a sender marks with BLOCK would hold a thread of the router until the slowest receiver has room, and with it the
-messages and signs of life of all sessions."""
-
-
-_NO_LARGE_ONES = [
-    {
-        "id": "no_large_ones",
-        "messages": ["put"],
-        "key_exprs": list(KEYS_WITHOUT_MAPS),
-        "flows": ["ingress"],
-        "size_limit": 16 * 1024 * 1024,
-    }
-]
-"""Bytes of a message on a key that carries no map: an image of 1920 x 1080 has 6 MB. Receivers would hold the pieces
-of a larger one until the last has come."""
+def _rule(name: str, messages: list[str], key_exprs: list[str], **action: object) -> list[dict[str, object]]:
+    """For messages that come to a router on some keys."""
+    return [{"id": name, "messages": messages, "key_exprs": key_exprs, "flows": ["ingress"], **action}]
 
 
 class RouterOptions(msgspec.Struct, frozen=True):
@@ -401,8 +380,12 @@ def router_config(options: RouterOptions) -> zenoh.Config:
             "transport/unicast/open_timeout": 700,
             # With the default of 100, a few hundred connections that say nothing keep all others out.
             "transport/unicast/accept_pending": 1000,
-            "qos/network": _NEVER_BLOCK,
-            "low_pass_filter": _NO_LARGE_ONES,
+            # What a sender marks with BLOCK would hold a thread of the router until the slowest receiver has room, and
+            # with it the messages and signs of life of all sessions.
+            "qos/network": _rule("never_block", ["put", "delete"], ["**"], overwrite={"congestion_control": "drop"}),
+            # On keys that carry no map: an image of 1920 x 1080 has 6 MB. Receivers would hold the pieces of a larger
+            # message until the last has come.
+            "low_pass_filter": _rule("no_large_ones", ["put"], [*KEYS_WITHOUT_MAPS], size_limit=16 * 1024 * 1024),
             "adminspace/enabled": True,
             "metadata": {
                 "name": "zteam-router",

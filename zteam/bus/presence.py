@@ -8,7 +8,7 @@ Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in non
 import os
 import socket
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Annotated
 
 import msgspec
@@ -53,22 +53,6 @@ class ProcessInfo(msgspec.Struct):
     def is_older(self, start: int, instance: str) -> bool:
         """Whether of this process and another one this one keeps the name."""
         return (self.start, self.instance) < (start, instance)
-
-
-def holder_text(name: str | None, session: str) -> str:
-    """What people read for a session: the process that holds it, or the session's id where no process is known."""
-    return name or f"session {session}"
-
-
-def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[str, str]:
-    """The name of each session; of one that holds several names, that of the robot of `key` if it is a robot's."""
-    target = names.split_robot_key(key)
-    fitting = () if target is None else (names.robot_name(target[0]), names.navigation_name(target[0]))
-    found: dict[str, str] = {}
-    for info in processes:
-        if info.name in fitting or info.instance not in found:
-            found[info.instance] = info.name
-    return found
 
 
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:

@@ -109,11 +109,8 @@ class Counters:
         return count
 
 
-class Receiver:
+class Receiver(Counters):
     """Makes the transport's handlers of typed callbacks; samples that are refused are counted as dropped."""
-
-    def __init__(self, counters: Counters) -> None:
-        self._counters = counters
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
@@ -121,7 +118,7 @@ class Receiver:
             return None
         message = self._read(sample, message_type)
         if message is not None:
-            self._counters.of(sample.key).received += 1
+            self.of(sample.key).received += 1
         return message
 
     def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
@@ -130,7 +127,7 @@ class Receiver:
         try:
             return decode(message_type, sample.payload)
         except DecodeError as error:
-            self._counters.drop(sample.key, str(error))
+            self.drop(sample.key, str(error))
             return None
 
     def messages(
@@ -164,13 +161,13 @@ class Receiver:
                 if last.hides(sent):
                     return
             if problem is not None and (why := problem(sample)):
-                self._counters.drop(key, why)
+                self.drop(key, why)
                 return
             count = known.get(key)
             if count is None or sample.encoding != due:
                 if self._refuse(sample, message_type):
                     return
-                count = self._counters.of(key)
+                count = self.of(key)
                 if len(known) < MAX_KEYS:
                     known[key] = count
             content = sample.content
@@ -193,12 +190,12 @@ class Receiver:
         def handle(sample: RawSample) -> None:
             # A message without bytes is a small one.
             if type(sample.content) is bytes and (problem := size_problem(sample.content)):
-                self._counters.drop(sample.key, problem)
+                self.drop(sample.key, problem)
                 return
             if only is not None:
                 if self._refuse(sample, only):
                     return
-                self._counters.of(sample.key).received += 1
+                self.of(sample.key).received += 1
             try:
                 callback(sample)
             except Exception:
@@ -211,11 +208,11 @@ class Receiver:
         """Whether a sample is no message of this type on one key, whatever it holds; it is then counted as dropped."""
         key = sample.key
         if is_wildcard(key):
-            self._counters.drop(key, "its key is a wildcard, not the name of one topic")
+            self.drop(key, "its key is a wildcard, not the name of one topic")
             return True
         encoding = sample.encoding
         if encoding != encoding_of(message_type) and encoding.startswith(_CDR):
             given, due = encoding.removeprefix(_CDR), message_type.ros_type
-            self._counters.drop(key, f"wrong type: it is {given}, {due} is due")
+            self.drop(key, f"wrong type: it is {given}, {due} is due")
             return True
         return False

@@ -18,7 +18,6 @@ import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.stamps import read_stamp, stamping_as
 from zteam.bus.transport import (
     TIMED_OUT,
     Closeable,
@@ -35,7 +34,7 @@ from zteam.bus.transport import (
     first_line,
     let_end,
 )
-from zteam.clock import monotonic, pause
+from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 from zteam.names import fixed_part, latched_tokens_key
@@ -149,6 +148,29 @@ def _undeclare(entity: Any) -> None:
             # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
             pause(_AGAIN)
     log.debug("undeclare: another thread uses it still")
+
+
+def stamping_as(session: str) -> Callable[[], zenoh.Timestamp]:
+    """Makes time stamps with the id of a session, each later than the one before; their clock is never set.
+
+    Zenoh's own need clocks that agree. A session or router that makes them refuses those that are more than 0.5 s ahead
+    of its clock: it writes another one with its own id, so the sender is no longer known. And it takes over a clock
+    that is less far ahead: between two messages from there its own stamps stand still.
+    """
+    # As Zenoh writes its ids: the last byte comes first, and zeros at the front are left out.
+    name = zenoh.TimestampId(bytes.fromhex(session.zfill(2 * -(-len(session) // 2)))[::-1])
+    make, time = zenoh.Timestamp, zenoh.NTP64
+    return lambda: make(time(*divmod(stamp_ns(), NS_PER_S)), name)
+
+
+def read_stamp(text: str) -> tuple[int, str, float]:
+    """What a sample's time stamp tells when the sample comes: time, session, delay; as the fields of RawSample."""
+    # "<NTP64>/<id>": the only exact form that Python gets.
+    time, _, session = text.partition("/")
+    if not time:
+        return 0, "", 0.0
+    stamp = int(time)
+    return stamp, session, to_seconds(stamp_ns() - (stamp * NS_PER_S >> 32))
 
 
 class ZenohPublisher(Handle):

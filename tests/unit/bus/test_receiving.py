@@ -91,7 +91,7 @@ class Lamp:
     def __init__(self, now: list[float]) -> None:
         self._now = now
         self.heard: list[bool] = []
-        handle = Receiver(Counters()).messages(Bool, lambda _, message: self.heard.append(message.data), latched=True)
+        handle = Receiver().messages(Bool, lambda _, message: self.heard.append(message.data), latched=True)
         self._take = handle
 
     def send(self, timestamp: int, lamp: bool, source: str = "old", delay: float = 0.0, after: float = 0.0) -> None:

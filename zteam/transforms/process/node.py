@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
-from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
@@ -27,7 +26,7 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
-_SESSION = holder_text(None, "")
+_SESSION = "session "
 """What the authority of a broadcaster begins with, before the id of its session."""
 
 
