@@ -299,21 +299,21 @@ class Rate:
             self._next = now + self._period
 
 
-class Ticker:
-    """Waits for evenly spaced moments, in simulated time or the host's, for tools that repeat something at a rate."""
+def moments(period: float, clock: AutoClock, on_still: Callable[[], None] = lambda: None) -> Callable[[], None]:
+    """A function that waits for the next of evenly spaced moments of `clock`, which is decided.
 
-    def __init__(self, period: float, clock: AutoClock) -> None:
-        """The first moment is `period` seconds from now. `clock` is decided."""
-        self._clock = clock
-        self._rate = Rate(to_ns(period), clock.steady())
+    The first one is `period` seconds from now. `on_still()` is called each time simulated time has stood for STILL.
+    """
+    rate = Rate(to_ns(period), clock.steady())
 
-    def wait(self, on_still: Callable[[], None] = lambda: None) -> None:
-        """Wait until the next moment; call `on_still()` each time simulated time has stood still for STILL."""
-        now = self._clock.steady()
-        while left := self._rate.left(now):
-            if not self._clock.simulated:
+    def wait() -> None:
+        now = clock.steady()
+        while left := rate.left(now):
+            if not clock.simulated:
                 time.sleep(to_seconds(left))
-            elif not self._clock.wait_for_change(now, STILL):
+            elif not clock.wait_for_change(now, STILL):
                 on_still()
-            now = self._clock.steady()
-        self._rate.take(now)
+            now = clock.steady()
+        rate.take(now)
+
+    return wait

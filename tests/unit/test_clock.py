@@ -11,7 +11,7 @@ from zteam.clock import (
     AutoClock,
     Every,
     Rate,
-    Ticker,
+    moments,
     monotonic,
     to_ns,
     to_seconds,
@@ -113,13 +113,13 @@ def test_a_ticker_follows_simulated_time(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(clock, "STILL", 0.01)
     auto = AutoClock()
     auto.use_simulated()
-    ticker = Ticker(1e-6, auto)
     come: list[int] = []
     still: list[int] = []
+    wait = moments(1e-6, auto, lambda: still.append(auto.now()))
 
     def run() -> None:
         for _ in range(2):
-            ticker.wait(lambda: still.append(auto.now()))
+            wait()
             come.append(auto.now())
 
     def stand(stamp: int) -> None:
@@ -152,11 +152,11 @@ def test_a_ticker_of_the_host_sleeps_until_each_moment(monkeypatch: pytest.Monke
     monkeypatch.setattr(clock.time, "sleep", sleep)
     wall = AutoClock()
     wall.use_wall()
-    ticker = Ticker(0.1, wall)
-    ticker.wait()
+    wait = moments(0.1, wall)
+    wait()
     now[0] += to_ns(0.03)
-    ticker.wait()
+    wait()
     now[0] += to_ns(0.35)
-    ticker.wait()
-    ticker.wait()
+    wait()
+    wait()
     assert slept == [0.1, 0.07, 0.1]

@@ -102,7 +102,8 @@ class _Kept(msgspec.Struct):
 class LatchedSubscription:
     """The readers of one key expression, and the last messages of the latched publishers that are there."""
 
-    def __init__(self, ask: Ask) -> None:
+    def __init__(self, declare: Callable[["LatchedSubscription"], Closeable], ask: Ask) -> None:
+        self.declared = Held(partial(declare, self))
         self._ask = ask
         self._lock = threading.Lock()
         self._readers: list[_Reader] = []
@@ -188,21 +189,20 @@ class LatchedSubscriptions:
         """`declare(key_expr, subscription)` opens one on the session."""
         self._declare, self._ask = declare, ask
         self._lock = threading.Lock()
-        self._open: dict[str, tuple[LatchedSubscription, Held[Closeable]]] = {}
+        self._open: dict[str, LatchedSubscription] = {}
 
     def subscribe(self, key_expr: str, handler: SampleHandler) -> Closeable:
         """Call `handler` with what is kept before this returns, and then with what comes."""
         with self._lock:
             is_new = key_expr not in self._open
             if is_new:
-                subscription = LatchedSubscription(self._ask)
-                self._open[key_expr] = subscription, Held(partial(self._declare, key_expr, subscription))
-            subscription, declared = self._open[key_expr]
+                self._open[key_expr] = LatchedSubscription(partial(self._declare, key_expr), self._ask)
+            subscription = self._open[key_expr]
             reader = subscription.join(handler)
         handle = Handle(reader.close, partial(self._leave, key_expr, reader))
         if is_new:
             try:
-                declared.open()
+                subscription.declared.open()
             except BaseException:
                 handle.close()
                 raise
@@ -212,8 +212,8 @@ class LatchedSubscriptions:
 
     def _leave(self, key_expr: str, reader: _Reader) -> None:
         with self._lock:
-            subscription, declared = self._open[key_expr]
+            subscription = self._open[key_expr]
             if not subscription.leave(reader):
                 return
             del self._open[key_expr]
-        declared.close()
+        subscription.declared.close()

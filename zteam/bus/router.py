@@ -27,7 +27,7 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.transport import call, decode_json, first_line
+from zteam.bus.transport import decode_json, first_line
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, DecodeError, UsageError
 from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
@@ -189,7 +189,7 @@ class Router:
         self._silence = limit_silence(session, self._options.lease)
         if self._options.idle_exit is not None:
             # On a thread of its own: an answer may wait for Zenoh's.
-            session.declare_queryable(RELEASE, partial(call, self._answer))
+            session.declare_queryable(RELEASE, self._answer)
         return session
 
     def _take_changed_file(self) -> None:
@@ -238,7 +238,8 @@ class Router:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
         promised = None
-        with query:
+        # The session may be closed meanwhile.
+        with suppress(zenoh.ZError), query:
             with suppress(DecodeError):
                 request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
                 promised = self._promise(request)
