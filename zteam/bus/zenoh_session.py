@@ -329,7 +329,7 @@ class ZenohTransport(Transport):
         watch = self._watch("subscribe to", latched_tokens_key(key_expr), callback)
         return Handle(watch.close, live.close)
 
-    def _ask_latched(self, token: str, receive: Callable[[RawSample], object], end: Callable[[], object]) -> None:
+    def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 receive(read_sample(reply.ok))
@@ -337,7 +337,7 @@ class ZenohTransport(Transport):
         try:
             self._session.get(
                 token,
-                zenoh.handlers.Callback(on_reply, end, indirect=False),
+                zenoh.handlers.Callback(on_reply, indirect=False),
                 timeout=_LATCHED_TIMEOUT,
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
