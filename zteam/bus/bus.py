@@ -4,6 +4,7 @@ import logging
 import os
 import socket
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,6 @@ from zteam.bus.transport import (
     Declaration,
     Handle,
     Held,
-    Holding,
     RawPublisher,
     RawSample,
     SampleHandler,
@@ -158,12 +158,14 @@ class Bus:
         options: "BusOptions | None" = None,
     ) -> None:
         """With `rights` where the router may have an access control."""
-        self.transport = transport
+        self.transport, self.instance = transport, transport.instance
         self.options = options
         """How it is connected, for another process that is to join the same team; None in memory."""
         self._rights = rights
         self.counters = Receiver()
-        self.holding = Holding()
+        self._waiting: list[Callable[[], None]] | None = None
+        """What opens the publishers and queries that are held."""
+        self._lock = threading.Lock()
         self._declared: dict[object, Declaration] = {}
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
@@ -174,9 +176,27 @@ class Bus:
         if rights is not None:
             self.watch_link(rights.check_again)
 
-    @property
-    def instance(self) -> str:
-        return self.transport.instance
+    def hold(self) -> None:
+        """From now on publishers and queries wait for `release`: others see nothing of a process without its name.
+
+        Messages are dropped; of a latched publisher the release sends the last.
+        """
+        self._waiting = []
+
+    def release(self) -> None:
+        """Open what waits, in the order in which it came."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, None
+        for open_now in waiting or ():
+            open_now()
+
+    def open(self, declared: Held[Any]) -> None:
+        """Open it now, or at the release."""
+        with self._lock:
+            if self._waiting is not None:
+                self._waiting.append(declared.open)
+                return
+        declared.open()
 
     def publisher(
         self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
@@ -194,7 +214,7 @@ class Bus:
 
         with self._listed(key, True) as forget:
             publisher = Publisher(key, message_type, latched, declare, forget)
-            self.holding.open(publisher)
+            self.open(publisher)
         return publisher
 
     def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
@@ -306,7 +326,7 @@ class Bus:
             return self.transport.declare_queryable(key, handle)
 
         served = Held(declare)
-        served.open() if at_once else self.holding.open(served)
+        served.open() if at_once else self.open(served)
         return served
 
     def serve_stats(self, name: str) -> Closeable:

@@ -11,12 +11,11 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from zteam.bus.bus import Bus
 from zteam.bus.transport import (
     TIMED_OUT,
-    Answers,
     Closeable,
     Handle,
     QueryHandler,
@@ -43,7 +42,6 @@ class HubReceiver(NamedTuple):
     receive: Callable[[Any], object]
 
 
-T = TypeVar("T")
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
 
 
@@ -52,17 +50,12 @@ def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
         receive(news)
 
 
-class _Subscriber(NamedTuple):
+class _Entry(NamedTuple):
+    """A subscriber, a queryable or a watcher of tokens."""
+
     session: str
     key_expr: str
     receiver: HubReceiver
-
-
-class _Queryable(NamedTuple):
-    session: str
-    key: str
-    handler: QueryHandler
-    answers: Answers
 
 
 class MemoryHub:
@@ -77,14 +70,13 @@ class MemoryHub:
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
         self.timestamps = timestamps or itertools.count(1)
-        self.subscribers: dict[int, _Subscriber] = {}
+        self.subscribers: dict[int, _Entry] = {}
+        self.queryables: dict[int, _Entry] = {}
+        self.watchers: dict[int, _Entry] = {}
         self.version = 0
         """Changes with each declaration."""
-        self.queryables: dict[int, _Queryable] = {}
         self.tokens = Counter[str]()
         """How many sessions hold each token."""
-        self.watchers: dict[int, tuple[str, str, TokenHandler]] = {}
-        """Owner, key expression and handler."""
         self.latched: dict[int, RawSample] = {}
 
     def bus(self) -> Bus:
@@ -95,7 +87,7 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def add(self, table: dict[int, T], entry: T) -> Handle:
+    def add(self, table: dict[int, _Entry], entry: _Entry) -> Handle:
         """A declaration, which is in a table of the hub until it is closed."""
         number = self.new_id()
 
@@ -109,6 +101,11 @@ class MemoryHub:
             self.version += 1
         return Handle(remove)
 
+    def find(self, table: dict[int, _Entry], key_expr: str, but: str | None = None) -> list[HubReceiver]:
+        """The receivers in a table for some key of `key_expr`, without those of the session `but`."""
+        with self.lock:
+            return [e.receiver for e in table.values() if e.session != but and matches(e.key_expr, key_expr)]
+
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
         with self.lock:
@@ -120,12 +117,8 @@ class MemoryHub:
                 del self.tokens[key]
             if alive == (before > 0):
                 return
-            told = [
-                HubReceiver(owner, partial(call, handler, key))
-                for owner, expr, handler in self.watchers.values()
-                if matches(expr, key)
-            ]
-        self.deliver(told, alive)
+            told = self.find(self.watchers, key)
+        self.deliver(told, (key, alive))
 
 
 class MemoryTransport(Transport):
@@ -152,26 +145,31 @@ class MemoryTransport(Transport):
         check_use("subscribe to", key_expr, self.closed)
         hub, receiver = self._hub, HubReceiver(self._owner, handler)
         with hub.lock:
-            subscriber = hub.add(hub.subscribers, _Subscriber(self.instance, key_expr, receiver))
+            subscriber = self._add(hub.subscribers, key_expr, receiver)
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
-        return self._keep(subscriber)
+        return subscriber
+
+    def _add(self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver) -> Closeable:
+        return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver)))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         check_use("serve", key, self.closed)
-        queryable = _Queryable(self.instance, key, handler, self._answers)
-        return self._keep(self._hub.add(self._hub.queryables, queryable))
+
+        def receive(query: tuple[str, bytes, Callable[[Reply], object]]) -> None:
+            asked, payload, send = query
+            self._answers.answer(key, partial(handler, asked, payload), send)
+
+        return self._add(self._hub.queryables, key, HubReceiver(self._owner, receive))
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         check_use("ask", key_expr, self.closed)
         end = monotonic() + timeout
         come: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        passed_over = self.instance if to_others else None
-        served = list(self._hub.queryables.values())
-        asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
-        for queryable in asked:
-            queryable.answers.answer(queryable.key, partial(queryable.handler, key_expr, payload), come.put)
+        asked = self._hub.find(self._hub.queryables, key_expr, self.instance if to_others else None)
+        # On the asker's own thread.
+        deliver_now(asked, (key_expr, payload, come.put))
         replies: list[Reply] = []
         for _ in asked:
             try:
@@ -187,13 +185,13 @@ class MemoryTransport(Transport):
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         check_use("watch", key_expr, self.closed)
-        hub = self._hub
+        hub, receiver = self._hub, HubReceiver(self._owner, lambda news: call(handler, *news))
         with hub.lock:
-            watch = hub.add(hub.watchers, (self._owner, key_expr, handler))
+            watch = self._add(hub.watchers, key_expr, receiver)
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
-            hub.deliver([HubReceiver(self._owner, partial(call, handler, key))], True)
-        return self._keep(watch)
+            hub.deliver([receiver], (key, True))
+        return watch
 
 
 class MemoryPublisher(Handle):
@@ -211,12 +209,11 @@ class MemoryPublisher(Handle):
 
     def _receivers(self) -> list[HubReceiver]:
         version, receivers = self._matching
-        hub, but = self._hub, self._passed_over
+        hub = self._hub
         if version != hub.version:
             with hub.lock:
-                found = [s for s in hub.subscribers.values() if s.session != but and matches(s.key_expr, self._key)]
                 # Set at once: another thread may look in between.
-                self._matching = _, receivers = hub.version, [subscriber.receiver for subscriber in found]
+                self._matching = _, receivers = hub.version, hub.find(hub.subscribers, self._key, self._passed_over)
         return receivers
 
     @property

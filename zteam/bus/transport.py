@@ -218,36 +218,6 @@ class Held(Generic[C]):
                 self._handle.close()
 
 
-class Holding:
-    """Opens publishers and queries at once, or at the `release` after a `begin`.
-
-    A process opens nothing before it holds its name: other sessions see nothing of it until then.
-    """
-
-    def __init__(self) -> None:
-        self._waiting: list[Callable[[], None]] | None = None
-        self._lock = threading.Lock()
-
-    def begin(self) -> None:
-        """From now on declarations wait. Messages are dropped; of a latched publisher the release sends the last."""
-        self._waiting = []
-
-    def release(self) -> None:
-        """Open what waits, in the order in which it came."""
-        with self._lock:
-            waiting, self._waiting = self._waiting, None
-        for open_now in waiting or ():
-            open_now()
-
-    def open(self, declared: Held[C]) -> None:
-        """Open it now, or at the release."""
-        with self._lock:
-            if self._waiting is not None:
-                self._waiting.append(declared.open)
-                return
-        declared.open()
-
-
 class RawPublisher(Closeable, Protocol):
     """Publishes on one key."""
 

@@ -247,7 +247,6 @@ class ZenohTransport(Transport):
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
-        self._before_close: list[Callable[[], None]] = []
         self.up = True
         # Answers do not wait for what a change of presence leads to.
         self._queries, self._presence = Aside(), Aside()
@@ -414,14 +413,11 @@ class ZenohTransport(Transport):
                 call(handler, up)
 
     def before_close(self, call: Callable[[], None]) -> None:
-        """Call it first when the session is closed, also at the interpreter's end."""
-        self._before_close.append(call)
+        """Call it when the session is about to be closed, also at the interpreter's end."""
+        self._keep(Handle(call))
 
     def close(self) -> None:
-        self.closed = True
         self._link_handlers.clear()
-        while self._before_close:
-            self._before_close.pop()()
         super().close()
         self._session.close()  # type: ignore[no-untyped-call]
         self._queries.end()

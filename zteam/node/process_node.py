@@ -155,7 +155,7 @@ class ProcessNode:
     def _win(self) -> None:
         # Before the token: a process that sees the token may ask this one at once.
         self.present = True
-        self.bus.holding.release()
+        self.bus.release()
 
     def on_present(self, hook: Callable[[], object]) -> None:
         """Run `hook()` once the process holds its name."""
@@ -448,7 +448,7 @@ def run_body(
             # Its log is all that a process without its name publishes: readers are to see why it does not start.
             lines = LogPublisher(bus, name)
             ends.callback(lines.close)
-            bus.holding.begin()
+            bus.hold()
             node = make(name, bus, stop, clock)
             node.claim.under_name.append(lines)
             node.on_present(lines.catch_up)

@@ -92,7 +92,7 @@ class LockStep:
         """Since when tokens are counted that a tick is sent again for, in host time, and how many they are."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         token = Held(lambda: node.bus.declare_token(names.lockstep_key(node.bus.instance)))
-        node.bus.holding.open(token)
+        node.bus.open(token)
         node.claim.under_name.append(token)
         node.stop.on_request(self._wake)
         CertainTokens(node.bus, names.tokens_key("*"), self._on_token)
