@@ -104,6 +104,7 @@ KEYS_WITHOUT_MAPS = tuple(
 _ROBOT = re.compile(r"(robot_|nav_|base_)(0|[1-9][0-9]{0,3})", re.ASCII)
 """With as many digits as MAX_ROBOT_ID has."""
 _LATCHED = "/@adv/pub/"
+_TOKEN = re.compile(r"(?:([^*$]+)/)?([^*$/]*)/alive/([^*$/]*)")
 _ID = re.compile(r"0*[0-9]{1,4}", re.ASCII)
 
 
@@ -332,14 +333,11 @@ def split_latched_token(token: str) -> tuple[str, str, str]:
 
 def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
     """(namespace, name, instance) of a token's key as a session without a namespace sees it, or None."""
-    parts = key.rsplit("/", 3)
-    token = split_token_key("/".join(parts[-3:]))
-    return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
+    match = _TOKEN.fullmatch(key)
+    return None if match is None else (match[1] or "", match[2], match[3])
 
 
 def split_token_key(key: str) -> tuple[str, str] | None:
     """(name, instance) of a presence token's key, or None."""
-    parts = key.split("/")
-    if len(parts) != 3 or parts[1] != "alive" or is_wildcard(key):
-        return None
-    return parts[0], parts[2]
+    match = _TOKEN.fullmatch(key)
+    return None if match is None or match[1] else (match[2], match[3])

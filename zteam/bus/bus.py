@@ -5,29 +5,32 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Receiver
 from zteam.bus.rights import RightCheck, Use
 from zteam.bus.transport import (
+    TIMED_OUT,
     Closeable,
     Declaration,
+    Finish,
     Handle,
     Held,
     RawPublisher,
     RawSample,
+    Reply,
     SampleHandler,
     Transport,
     check_use,
+    decode_json,
 )
 from zteam.clock import monotonic
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
 from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
+Request = TypeVar("Request", bound=msgspec.Struct)
 log = logging.getLogger("zteam.bus")
 
 MOST_SESSIONS = 16
@@ -46,6 +50,26 @@ _RIVALS_PAUSE = 60.0
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
+
+
+class NoRequest(msgspec.Struct):
+    """The request of a query that needs none."""
+
+
+class Change(msgspec.Struct, kw_only=True):
+    """A request that changes something; the base of all such requests.
+
+    A query on a wildcard, such as `**`, reaches every query of every process: it changes nothing.
+    """
+
+    wildcard: ClassVar[str] = ""
+    """The only wildcard that may ask for it; empty for none."""
+
+
+class Deferred(NamedTuple):
+    """An answer that takes its time: `finish()` returns it and is called on a thread of its own."""
+
+    finish: Callable[[], Any]
 
 
 class SessionRequest(msgspec.Struct):
@@ -67,6 +91,26 @@ class SessionInfo(msgspec.Struct):
 
     def __str__(self) -> str:
         return f"{self.name} (process {self.pid} on {self.host})"
+
+
+def _read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -> list[tuple[str, T]]:
+    """(key, answer) pairs sorted by key. Raises QueryError if there are errors and no answer."""
+    good: list[tuple[str, T]] = []
+    bad: list[tuple[str, str]] = []
+    error: type[QueryError] = QueryTimeoutError
+    for reply in replies:
+        if reply is not TIMED_OUT:
+            error = QueryError
+        if reply.error:
+            bad.append((reply.key or key_expr, reply.payload.decode(errors="replace")))
+            continue
+        try:
+            good.append((reply.key, decode_json(reply.payload, reply_type)))
+        except DecodeError as fault:
+            bad.append((reply.key, f"unreadable answer: {fault}"))
+    if bad and not good:
+        raise error("; ".join(map(": ".join, bad)), "; ".join(why for _, why in bad))
+    return sorted(good, key=lambda pair: pair[0])
 
 
 def _command() -> str:
@@ -287,7 +331,7 @@ class Bus:
         Raises BusError with the server's text if the only answers are errors.
         """
         payload = msgspec.json.encode(request if request is not None else NoRequest())
-        answers = read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
+        answers = _read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
         if not answers and isinstance(request, Change) and self._rights is not None:
             raise BusError(f"no answer: no process serves {key_expr}, or this process's certificate may not ask for it")
         return answers
@@ -317,7 +361,19 @@ class Bus:
         The asker gets an error text if the request does not decode, if it is a `Change` asked for by a wildcard, and if
         the handler raises. A handler that has to wait returns a `Deferred`.
         """
-        handle = query_handler(key, request_type, handler, self.counters)
+
+        def handle(asked: str, payload: bytes) -> bytes | Finish:
+            if issubclass(request_type, Change) and asked not in (key, request_type.wildcard):
+                raise BusError(f"{key} changes something: ask for it by this key, not by the wildcard {asked}")
+            try:
+                request = decode_json(payload or b"{}", request_type)
+            except DecodeError as error:
+                self.counters.drop(key, f"bad request: {error}")
+                raise BusError(f"bad request: {error}") from None
+            answer = handler(request)
+            if isinstance(answer, Deferred):
+                return lambda: msgspec.json.encode(answer.finish())
+            return msgspec.json.encode(answer)
 
         def declare() -> Closeable:
             # A claim on a name answers at once, and is refused where another process holds the name.
@@ -387,7 +443,7 @@ class Bus:
         asked = declarations_key("*")
         replies = self.transport.get(asked, b"", _DECLARATIONS_TIMEOUT, to_others=True)
         try:
-            answers = read_replies(asked, replies, list[Declaration])
+            answers = _read_replies(asked, replies, list[Declaration])
         except BusError:
             # There are other sessions, but no readable answer has come in time.
             return []

@@ -131,12 +131,7 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
 def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
     """Whether the router lets through what a session with a certificate sends: a question to it, from another one."""
     key, deadline = declarations_key(str(session.zid())), monotonic() + _RIGHTS_WITHIN
-
-    def answer(query: zenoh.Query) -> None:
-        with query:
-            query.reply(key, b"")
-
-    callback: Any = zenoh.handlers.Callback(answer, indirect=False)
+    callback: Any = zenoh.handlers.Callback(lambda query: query.reply(key, b""), indirect=False)
     with session.declare_queryable(key, callback):
         while not (is_reached := _is_reached(options, key)) and monotonic() < deadline:
             pause(_LOOK_AGAIN)

@@ -9,7 +9,7 @@ import itertools
 import queue
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -29,7 +29,7 @@ from zteam.bus.transport import (
     check_use,
     matches,
 )
-from zteam.clock import monotonic
+from zteam.clock import monotonic, monotonic_times
 from zteam.messages import Message
 from zteam.messages.cdr import adopt
 
@@ -61,15 +61,13 @@ class _Entry(NamedTuple):
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self, deliver: Deliver = deliver_now, timestamps: Iterator[int] | None = None) -> None:
-        """`deliver(receivers, news)` calls every receiver, in whatever thread.
-
-        `timestamps` are those of samples, if they meet samples of another bus.
-        """
+    def __init__(self, deliver: Deliver = deliver_now) -> None:
+        """`deliver(receivers, news)` calls every receiver, in whatever thread."""
         self.deliver = deliver
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
-        self.timestamps = timestamps or itertools.count(1)
+        self.timestamps = monotonic_times()
+        """Of samples."""
         self.subscribers: dict[int, _Entry] = {}
         self.queryables: dict[int, _Entry] = {}
         self.watchers: dict[int, _Entry] = {}

@@ -14,8 +14,7 @@ from typing import Annotated
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus
-from zteam.bus.queries import NoRequest
+from zteam.bus.bus import Bus, NoRequest
 from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError

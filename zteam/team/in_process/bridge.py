@@ -153,7 +153,7 @@ class NodeSessions:
     def __init__(self, outside: Bus | None = None) -> None:
         """With `outside`, a session of this process alone, nodes and processes there find each other."""
         self.delivery = Delivery()
-        self._hub = MemoryHub(self.delivery.deliver, None if outside is None else monotonic_times())
+        self._hub = MemoryHub(self.delivery.deliver)
         inside = MemoryTransport(self._hub)
         self._bridge = None if outside is None else Bridge(inside, outside, self.delivery)
 

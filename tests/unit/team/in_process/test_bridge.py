@@ -41,7 +41,8 @@ class Place:
     """A hub in this process, and one outside."""
 
     def __init__(self) -> None:
-        self.outside = MemoryHub(timestamps=ZenohTimes())
+        self.outside = MemoryHub()
+        self.outside.timestamps = ZenohTimes()
         self.wire = Wire(self.outside)
         self.hub = NodeSessions(Bus(self.wire))
 
