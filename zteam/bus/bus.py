@@ -5,8 +5,7 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
 
@@ -256,26 +255,21 @@ class Bus:
             self._check_later(Use(key, PUBLISHES))
             return self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
 
-        with self._listed(key, True) as forget:
-            publisher = Publisher(key, message_type, latched, declare, forget)
-            self.open(publisher)
+        publisher = Publisher(key, message_type, latched, declare, self._list(key, True))
+        self.open(publisher)
         return publisher
 
     def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
-        with self._listed(key_expr, False) as forget:
-            subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
+        check_use("subscribe to", key_expr, False)
+        forget = self._list(key_expr, False)
+        subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
         return Handle(forget, subscriber.close)
 
-    @contextmanager
-    def _listed(self, key: str, publishes: bool) -> Iterator[Callable[[], object]]:
-        """Lists what is opened within, before others can notice it; the call that takes it off the list again."""
+    def _list(self, key: str, publishes: bool) -> Callable[[], object]:
+        """List what is about to be opened, so before others notice it; the call that takes it off the list again."""
         place = object()
         self._declared[place] = Declaration(key, self.instance, publishes)
-        try:
-            yield lambda: self._declared.pop(place, None)
-        except BaseException:
-            del self._declared[place]
-            raise
+        return lambda: self._declared.pop(place, None)
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
@@ -318,10 +312,6 @@ class Bus:
         reading those takes as long as all else.
         """
         return self._subscribe(key_expr, self.counters.samples(callback, only), latched, latched or only is None)
-
-    def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
-        """The sample's message, counted; None if it is refused (the counters say why)."""
-        return self.counters.decode(sample, message_type)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0

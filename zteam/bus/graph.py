@@ -21,10 +21,8 @@ SURVEY = 1.2
 """Seconds of a survey of the bus: longer than a tick and than the period of a robot's status."""
 _SETTLE = 0.3
 """Host seconds for all tokens to come: a session that was just opened may have none yet."""
-_PATIENCE = 0.5
-"""Host seconds for processes to tell their names; one that hangs is shown by its session."""
 _LIMIT = 0.5
-"""Host seconds for a session to answer."""
+"""Host seconds for processes and sessions to tell their names; one that hangs is shown by its session."""
 
 
 def find_nodes(bus: Bus) -> list[ProcessInfo]:
@@ -108,7 +106,7 @@ def robots_of(keys: Iterable[str]) -> set[int]:
 def find_graph(bus: Bus) -> Graph:
     """All sessions but the tool's own, as they are now."""
     declarations = bus.declarations()
-    return Graph(declarations, find_processes(bus, timeout=_PATIENCE))
+    return Graph(declarations, find_processes(bus, timeout=_LIMIT))
 
 
 class Survey:

@@ -73,36 +73,16 @@ class _Reader:
 class LatchedSubscription:
     """The readers of one key expression, and the latched publishers that are there."""
 
-    def __init__(self, declare: Callable[["LatchedSubscription"], Closeable], ask: Ask) -> None:
+    def __init__(self, declare: Callable[["LatchedSubscription"], Closeable], ask: Ask, lock: threading.Lock) -> None:
+        """`lock` is that of readers and tokens."""
         self.declared = Held(partial(declare, self))
-        self._ask = ask
-        self._lock = threading.Lock()
-        self._readers: list[_Reader] = []
-        self._tokens: dict[Writer, str] = {}
-
-    def join(self, handler: SampleHandler) -> tuple[_Reader, Callable[[], None]]:
-        """A new reader, and the call that asks the publishers which are there for it."""
-        reader = _Reader(handler)
-        with self._lock:
-            self._readers.append(reader)
-            there = list(self._tokens)
-
-        def ask_all() -> None:
-            for writer in there:
-                self._ask_for(writer, [reader])
-
-        return reader, ask_all
-
-    def leave(self, reader: _Reader) -> bool:
-        """Whether it was the last one."""
-        with self._lock:
-            if reader in self._readers:
-                self._readers.remove(reader)
-            return not self._readers
+        self._ask, self._lock = ask, lock
+        self.readers: list[_Reader] = []
+        self.tokens: dict[Writer, str] = {}
 
     def receive(self, sample: RawSample, writer: Writer) -> None:
         """A message came."""
-        for reader in list(self._readers):
+        for reader in list(self.readers):
             reader.receive(sample, writer)
 
     def on_token(self, token: str, alive: bool) -> None:
@@ -110,25 +90,26 @@ class LatchedSubscription:
         writer = split_latched_token(token)
         with self._lock:
             if not alive:
-                self._tokens.pop(writer, None)
+                self.tokens.pop(writer, None)
                 return
             # Any program may hold tokens.
-            of_key = sum(key == writer[0] for key, *_ in self._tokens)
-            if writer in self._tokens or of_key >= _MOST_OF_KEY or len(self._tokens) >= _MAX_WRITERS:
+            of_key = sum(key == writer[0] for key, *_ in self.tokens)
+            if writer in self.tokens or of_key >= _MOST_OF_KEY or len(self.tokens) >= _MAX_WRITERS:
                 return
-            self._tokens[writer] = token
-            readers = list(self._readers)
-        self._ask_for(writer, readers)
+            self.tokens[writer] = token
+            readers = list(self.readers)
+        self.ask(writer, token, readers)
 
-    def _ask_for(self, writer: Writer, readers: Iterable[_Reader]) -> None:
+    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader]) -> None:
+        """Ask a publisher for its last message, for these readers."""
+
         def answer(sample: RawSample) -> None:
             # Others may answer as well.
             if sample.key == writer[0]:
                 for reader in readers:
                     reader.receive(sample, writer)
 
-        if (token := self._tokens.get(writer)) is not None:
-            self._ask(token, answer)
+        self._ask(token, answer)
 
 
 class LatchedSubscriptions:
@@ -142,26 +123,31 @@ class LatchedSubscriptions:
 
     def subscribe(self, key_expr: str, handler: SampleHandler) -> Closeable:
         """Call `handler` with the last message of each publisher that is there, and then with what comes."""
-        with self._lock:
-            is_new = key_expr not in self._open
-            if is_new:
-                self._open[key_expr] = LatchedSubscription(partial(self._declare, key_expr), self._ask)
-            subscription = self._open[key_expr]
-            reader, ask_all = subscription.join(handler)
+        reader = _Reader(handler)
         handle = Handle(reader.close, partial(self._leave, key_expr, reader))
+        with self._lock:
+            subscription = self._open.get(key_expr)
+            is_new = subscription is None
+            if subscription is None:
+                subscription = LatchedSubscription(partial(self._declare, key_expr), self._ask, self._lock)
+                self._open[key_expr] = subscription
+            subscription.readers.append(reader)
+            there = list(subscription.tokens.items())
         if is_new:
             try:
                 subscription.declared.open()
             except BaseException:
                 handle.close()
                 raise
-        ask_all()
+        for writer, token in there:
+            subscription.ask(writer, token, [reader])
         return handle
 
     def _leave(self, key_expr: str, reader: _Reader) -> None:
         with self._lock:
             subscription = self._open[key_expr]
-            if not subscription.leave(reader):
+            subscription.readers.remove(reader)
+            if subscription.readers:
                 return
             del self._open[key_expr]
         subscription.declared.close()

@@ -141,25 +141,19 @@ class Receiver(Counters):
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        With `latched`, not for a message that comes again, and not for one that another of its key hides (`Sent`). A
-        sample with which `problem` finds one is dropped.
+        With `latched`, not for one that another of its key hides (`Sent`). A sample with which `problem` finds one is
+        dropped.
         """
         due = encoding_of(message_type)
-        newest: dict[str, tuple[Sent, str]] = {}
-        """Of latched keys: when the last message that counts was sent, and by which session."""
+        newest: dict[str, Sent] = {}
+        """Of latched keys: when the last message that counts was sent."""
         known: dict[str, KeyCount] = {}
         """By key: what comes on it again, of the due type, needs no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
             key = sample.key
-            if latched and key in newest:
-                (last, source), sent = newest[key], sample.sent(monotonic())
-                if 0 < last.stamp == sent.stamp and source == sample.source:
-                    # It comes again, after a loss of the router, perhaps with older ones of others.
-                    newest[key] = sent, source
-                    return
-                if last.hides(sent):
-                    return
+            if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
+                return
             if problem is not None and (why := problem(sample)):
                 self.drop(key, why)
                 return
@@ -176,7 +170,7 @@ class Receiver(Counters):
                 return
             count.received += 1
             if latched and (key in newest or len(newest) < MAX_KEYS):
-                newest[key] = sample.sent(monotonic()), sample.source
+                newest[key] = sample.sent(monotonic())
             if with_source:
                 callback(key, message, sample.source)
             else:

@@ -62,7 +62,7 @@ class RobotCommands:
             self._node.bus.counters.drop(sample.key, problem)
             self._statistics.add_late_command(robot_id)
             return
-        command = self._node.bus.decode(sample, Twist)
+        command = self._node.bus.counters.decode(sample, Twist)
         if command is None:
             return
         with self._changed:

@@ -147,7 +147,7 @@ class Aggregator:
             self._tf.put_owned(self._last)
 
     def _on_statics(self, sample: RawSample) -> None:
-        target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
+        target, message = names.split_robot_key(sample.key), self._node.bus.counters.decode(sample, TFMessage)
         if target is not None and message is not None:
             self._merger.receive_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
             self._publish_statics()
