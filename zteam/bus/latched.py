@@ -49,21 +49,19 @@ class _Reader:
             if self._works:
                 return
             self._works = True
-        # Without the lock: handlers take locks of their own.
         try:
-            while (next_one := self._next()) is not None:
-                self._handler(next_one)
+            while True:
+                with self._lock:
+                    if self._closed or not self._waiting:
+                        self._works = False
+                        return
+                    sample = self._waiting.popleft()
+                # Without the lock: handlers take locks of their own.
+                self._handler(sample)
         except BaseException:
             # Such as an interrupt of the thread that publishes.
             self._works = False
             raise
-
-    def _next(self) -> RawSample | None:
-        with self._lock:
-            if self._waiting and not self._closed:
-                return self._waiting.popleft()
-            self._works = False
-            return None
 
     def close(self) -> None:
         with self._lock:

@@ -141,7 +141,7 @@ class BusOptions(msgspec.Struct, frozen=True):
         # `clock` has made HOST_FACTOR of it.
         _number_from("ZTEAM_PATIENCE", *PATIENCE_BOUNDS, "a factor")
         tls = TlsFiles.from_environment()
-        give_up = give_up_from_environment()
+        give_up = _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
         return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
@@ -193,11 +193,6 @@ class Owner(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         return printable(f"user {self.user}" if self.user else f"user id {self.uid}")
-
-
-def give_up_from_environment() -> float | None:
-    """What ZTEAM_GIVE_UP says. Raises UsageError."""
-    return _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
 
 
 def _number_from(variable: str, least: float, most: float, what: str) -> float | None:

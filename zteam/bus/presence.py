@@ -160,14 +160,13 @@ class Claim:
         found = find_processes(self._bus, self.name, timeout=1.0)
         return [info for info in found if info.instance != self._bus.instance]
 
-    @property
     def _must_meet(self) -> bool:
         """Whether there is something to do about other tokens of the name (under `_changed`)."""
         return bool(self._unmet or self._has_lost) and self._token is not None and not self._released
 
     def _meet_aside(self) -> None:
         """Under `_changed`."""
-        if self._must_meet and self._meeting is None:
+        if self._must_meet() and self._meeting is None:
             self._meeting = threading.Thread(target=self._meet_rivals, name="rival", daemon=True)
             self._meeting.start()
 
@@ -178,7 +177,7 @@ class Claim:
         """
         while True:
             with self._changed:
-                if not self._must_meet:
+                if not self._must_meet():
                     self._meeting = None
                     return
                 if self._has_lost:

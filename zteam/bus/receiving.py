@@ -59,14 +59,15 @@ def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
     return last._replace(time=now, reason=reason)
 
 
-class Counters:
-    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason.
+class Receiver:
+    """Makes the transport's handlers of typed callbacks, and counts what they receive and drop, from any thread.
 
-    Robots of which every message was dropped count as one key.
+    Drops of a key are warned about at most once a second, and ever less often for one reason. Robots of which every
+    message was dropped count as one key.
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
 
@@ -74,12 +75,15 @@ class Counters:
         """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
         not interrupt an addition."""
         with self._lock:
-            return self._count(key)
+            count = self._counts.get(key)
+            if count is None:
+                count = self._counts.setdefault(key if len(self._counts) < MAX_KEYS else OTHER, KeyCount())
+            return count
 
     def drop(self, key: str, why: str) -> None:
         """One message was refused; say why."""
         with self._lock:
-            count = self._count(key)
+            count = self.of(key)
             count.dropped += 1
             places, target = [key if key in self._counts else OTHER], split_robot_key(key)
             if target is not None and count.received <= count.dropped:
@@ -101,16 +105,6 @@ class Counters:
         if last is None:
             return KeyCount(count.received, count.dropped)
         return KeyCount(count.received, count.dropped, round(monotonic() - last.time, 3), last.reason)
-
-    def _count(self, key: str) -> KeyCount:
-        count = self._counts.get(key)
-        if count is None:
-            count = self._counts.setdefault(key if len(self._counts) < MAX_KEYS else OTHER, KeyCount())
-        return count
-
-
-class Receiver(Counters):
-    """Makes the transport's handlers of typed callbacks; samples that are refused are counted as dropped."""
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""

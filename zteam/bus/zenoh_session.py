@@ -87,11 +87,8 @@ class Aside:
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
-
-        def put(event: T) -> None:
-            self._waiting.put(partial(call, handler, event))
-
-        return zenoh.handlers.Callback(put, indirect=False)
+        waiting = self._waiting
+        return zenoh.handlers.Callback(lambda event: waiting.put(partial(call, handler, event)), indirect=False)
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
