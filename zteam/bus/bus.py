@@ -5,6 +5,7 @@ import os
 import socket
 import sys
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
@@ -28,7 +29,7 @@ from zteam.bus.transport import (
     check_use,
     decode_json,
 )
-from zteam.clock import monotonic
+from zteam.clock import Every
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
@@ -195,10 +196,7 @@ class Bus:
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        rights: RightCheck | None = None,
-        options: "BusOptions | None" = None,
+        self, transport: Transport, rights: RightCheck | None = None, options: "BusOptions | None" = None
     ) -> None:
         """With `rights` where the router may have an access control."""
         self.transport, self.instance = transport, transport.instance
@@ -212,8 +210,8 @@ class Bus:
         self._declared: dict[object, Declaration] = {}
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rivals_logged: dict[str, float] = {}
-        """By key: host time of the last line about others that publish on it."""
+        self._rivals_due = defaultdict[str, Every](lambda: Every(_RIVALS_PAUSE))
+        """By key: whether a line is due about others that publish on it; any program may ask for one."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
@@ -404,12 +402,8 @@ class Bus:
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
-        if publishes and request.rivals:
-            now = monotonic()
-            # Any program may ask.
-            if now - self._rivals_logged.get(request.key, -_RIVALS_PAUSE) >= _RIVALS_PAUSE:
-                self._rivals_logged[request.key] = now
-                log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
+        if publishes and request.rivals and self._rivals_due[request.key].due():
+            log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
         return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:

@@ -299,9 +299,7 @@ class ZenohTransport(Transport):
         entity = self._make("publish on", key, declare)
         return self._keep(ZenohPublisher(entity, latched, stamping_as(source) if source else self._stamp))
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
             return self._latched.subscribe(key_expr, handler)

@@ -33,9 +33,7 @@ class Wire(MemoryTransport):
         super().__init__(hub)
         self.hear: Callable[[RawSample], None]
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         self.hear = handler
         return super().declare_subscriber(key_expr, handler, latched, stamped)
 

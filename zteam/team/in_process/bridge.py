@@ -126,9 +126,7 @@ class _BridgedSession(_Session):
         outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
         return self._keep(_PublisherPair(inside, outside))
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         inside = super().declare_subscriber(key_expr, handler, latched, stamped)
         heard = self._bridge.from_others(self._owner, handler)
         return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
