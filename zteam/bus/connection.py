@@ -24,7 +24,6 @@ from zteam.bus.options import (
     ROUTER_ANSWER,
     TLS_VARIABLES,
     BusOptions,
-    TlsFiles,
     client_config,
     host_port,
     open_session,
@@ -116,7 +115,14 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
         return f"{endpoint} takes connections but does not answer", step
     if answer.startswith(_ALERT):
         if options.tls is not None and address is not None:
-            return _why_no_trust(endpoint, address, options.tls)
+            from zteam.bus.tls import own_fault, own_identity, refusal
+
+            if fault := own_fault(options.tls) or refusal(address, options.tls):
+                return f"the router at {endpoint} and this process do not trust each other", fault
+            return (
+                f"the router at {endpoint} gives the certificate {own_identity(options.tls)[0]} no rights",
+                "it was revoked or replaced ('zteam certs list'), or the team's namespace is another one (--namespace)",
+            )
         step = f"use --connect tls/{place}, and set {', '.join(TLS_VARIABLES)} (docs/security.md)"
         return f"the router at {endpoint} takes certificates only", step
     if answer.startswith(_CLOSE):
@@ -126,17 +132,6 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
     return (
         f"{endpoint} is held by something that does not speak Zenoh",
         "end it, or run a router elsewhere and name it with --connect",
-    )
-
-
-def _why_no_trust(endpoint: str, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
-    from zteam.bus.tls import own_fault, own_identity, refusal
-
-    if fault := own_fault(tls) or refusal(address, tls):
-        return f"the router at {endpoint} and this process do not trust each other", fault
-    return (
-        f"the router at {endpoint} gives the certificate {own_identity(tls)[0]} no rights",
-        "it was revoked or replaced ('zteam certs list'), or the team's namespace is another one (--namespace)",
     )
 
 

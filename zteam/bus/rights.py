@@ -159,8 +159,7 @@ class RightCheck:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-            thread = self._thread
-        let_end(thread)
+        let_end(self._thread)
 
 
 def _sees(session: zenoh.Session, token: str) -> bool:

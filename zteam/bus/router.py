@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import zenoh
@@ -81,13 +81,6 @@ class PortInUseError(BusError):
     """Another process listens where a router was to listen."""
 
 
-class RouterLink(msgspec.Struct):
-    """A connection of a session."""
-
-    dst: str = ""
-    """The session's end, such as tcp/127.0.0.1:33004."""
-
-
 class RouterSession(msgspec.Struct):
     """A session at a router."""
 
@@ -95,17 +88,18 @@ class RouterSession(msgspec.Struct):
     """Its id."""
     whatami: str = ""
     """client, peer or router."""
-    links: list[RouterLink] = msgspec.field(default_factory=list)
+    links: list[dict[str, Any]] = []
+    """With the session's end as `dst`, such as tcp/127.0.0.1:33004."""
 
 
 class RouterRecord(msgspec.Struct):
     """What a router says of itself in Zenoh's admin space; one that is not zteam's has no metadata."""
 
     zid: str = ""
-    locators: list[str] = msgspec.field(default_factory=list)
+    locators: list[str] = []
     metadata: RouterMetadata | None = None
     version: str = ""
-    sessions: list[RouterSession] = msgspec.field(default_factory=list)
+    sessions: list[RouterSession] = []
 
 
 def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None:
@@ -163,11 +157,10 @@ class Router:
         listen = tuple(_find_endpoint(e, locators) if e.endswith(":0") else e for e in options.listen)
         self._options = msgspec.structs.replace(options, listen=listen)
         self._note = _state_file(self.endpoint, _NOTE)
-        try:
+        # Without a note it is found by its endpoint only.
+        with suppress(OSError):
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
-        except OSError as error:
-            log.debug("the router is found by its endpoint only: %s", error)
 
     def _open(self, config: zenoh.Config) -> zenoh.Session:
         """A session that routes and counts its clients. Raises BusError."""
@@ -300,10 +293,8 @@ class Router:
             self._changed.notify_all()
 
     def close(self) -> None:
-        try:
-            self._note.unlink(missing_ok=True)
-        except OSError as error:
-            log.debug("%s", error)
+        with suppress(OSError):
+            self._note.unlink()
         self._session.close()  # type: ignore[no-untyped-call]
 
 
@@ -333,7 +324,7 @@ def find_strangers(options: BusOptions) -> list[str]:
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
     return [
-        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
+        ", ".join([f"session {each.peer}", *(str(link.get("dst")) for link in each.links)])
         for each in (record.sessions if record else [])
         if each.peer not in known and each.whatami != "router"
     ]
@@ -424,15 +415,13 @@ def find_local_routers() -> list[str]:
     """The endpoints of this user's routers on this machine, sorted. Each has noted its own in the state folder."""
     found = []
     for note in _state_file("", _NOTE).parent.glob(f"router-*.{_NOTE}"):
-        try:
+        with suppress(OSError):
             endpoint = note.read_text()
             if port_accepts(endpoint):
                 found.append(endpoint)
             else:
                 # It was killed.
                 note.unlink()
-        except OSError as error:
-            log.debug("%s: %s", note, error)
     return sorted(found)
 
 

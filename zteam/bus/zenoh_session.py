@@ -239,6 +239,8 @@ class ZenohTransport(Transport):
         super().__init__(str(session.zid()))
         self._session = session
         self._stamp = stamping_as(self.instance)
+        # Every answer counts: two processes that claim one name both serve its keys.
+        self._get = partial(session.get, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE)
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
@@ -329,12 +331,10 @@ class ZenohTransport(Transport):
                 receive(read_sample(reply.ok))
 
         try:
-            self._session.get(
+            self._get(
                 token,
                 zenoh.handlers.Callback(on_reply, indirect=False),
                 timeout=_LATCHED_TIMEOUT,
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
                 # The answer has the topic's key, not the token's.
                 accept_replies=zenoh.ReplyKeyExpr.ANY,
             )
@@ -354,16 +354,10 @@ class ZenohTransport(Transport):
         return self._declare("serve", key, declare)
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
+        place = zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY
+
         def ask() -> Any:
-            return self._session.get(
-                key_expr,
-                payload=payload,
-                timeout=timeout,
-                target=zenoh.QueryTarget.ALL,
-                # Every answer counts: two processes that claim one name both serve its keys.
-                consolidation=zenoh.ConsolidationMode.NONE,
-                allowed_destination=zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
-            )
+            return self._get(key_expr, payload=payload, timeout=timeout, allowed_destination=place)
 
         replies, begin = [], monotonic()
         for reply in self._make("ask", key_expr, ask):
