@@ -60,65 +60,41 @@ Every other module is internal and may change at any time. Units are SI and radi
 Errors go to the logger "zteam"; `logging.basicConfig(level="INFO")` shows its other messages as well.
 """
 
-from zteam.version import __version__
+from zteam.version import __version__ as __version__
 
 # Not typing's own: a command is deaf to Ctrl+C until the imports of this module are done.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
-    from zteam.config.resources import shipped_team, shipped_world
-    from zteam.errors import ZteamError
-    from zteam.geometry import Pose2
-    from zteam.navigation.basic_navigator import BasicNavigator
-    from zteam.navigation.client import TaskResult
-    from zteam.node.node import Node, run
-    from zteam.robot.behaviors.behavior import Behavior
-    from zteam.robot.client import ParametersClient
-    from zteam.robot.view import View
-    from zteam.simulator.client import SimulatorClient
-    from zteam.team.file.entries import Team
-    from zteam.team.file.reading import load_team
-    from zteam.team.run.report import RunReport
-    from zteam.team.run.run_team import run_team
-    from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
-    from zteam.transforms.listener import TransformListener
-
-__all__ = [
-    "BasicNavigator",
-    "Behavior",
-    "Bus",
-    "BusOptions",
-    "Change",
-    "Deferred",
-    "HistoryRequest",
-    "Lookup",
-    "NoRequest",
-    "Node",
-    "ParametersClient",
-    "Pose2",
-    "Publisher",
-    "RunReport",
-    "SimulatorClient",
-    "TaskResult",
-    "Team",
-    "TransformClient",
-    "TransformListener",
-    "View",
-    "ZteamError",
-    "__version__",
-    "connect",
-    "load_team",
-    "run",
-    "run_team",
-    "shipped_team",
-    "shipped_world",
-]
+    from zteam.bus import Bus as Bus
+    from zteam.bus import BusOptions as BusOptions
+    from zteam.bus import Change as Change
+    from zteam.bus import Deferred as Deferred
+    from zteam.bus import NoRequest as NoRequest
+    from zteam.bus import Publisher as Publisher
+    from zteam.bus import connect as connect
+    from zteam.config.resources import shipped_team as shipped_team
+    from zteam.config.resources import shipped_world as shipped_world
+    from zteam.errors import ZteamError as ZteamError
+    from zteam.geometry import Pose2 as Pose2
+    from zteam.navigation.basic_navigator import BasicNavigator as BasicNavigator
+    from zteam.navigation.client import TaskResult as TaskResult
+    from zteam.node.node import Node as Node
+    from zteam.node.node import run as run
+    from zteam.robot.behaviors.behavior import Behavior as Behavior
+    from zteam.robot.client import ParametersClient as ParametersClient
+    from zteam.robot.view import View as View
+    from zteam.simulator.client import SimulatorClient as SimulatorClient
+    from zteam.team.file.entries import Team as Team
+    from zteam.team.file.reading import load_team as load_team
+    from zteam.team.run.report import RunReport as RunReport
+    from zteam.team.run.run_team import run_team as run_team
+    from zteam.transforms.client import HistoryRequest as HistoryRequest
+    from zteam.transforms.client import Lookup as Lookup
+    from zteam.transforms.client import TransformClient as TransformClient
+    from zteam.transforms.listener import TransformListener as TransformListener
 
 _NAMES = {
-    "bus.bus": ["Bus", "Publisher"],
-    "bus.connection": ["connect"],
-    "bus.options": ["BusOptions"],
-    "bus.queries": ["Change", "Deferred", "NoRequest"],
+    "bus": ["Bus", "BusOptions", "Change", "Deferred", "NoRequest", "Publisher", "connect"],
     "config.resources": ["shipped_team", "shipped_world"],
     "errors": ["ZteamError"],
     "geometry": ["Pose2"],
@@ -138,6 +114,7 @@ _NAMES = {
 }
 """What each module within zteam defines of these."""
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = sorted([*_HOMES, "__version__"])
 
 
 def __getattr__(name: str) -> object:

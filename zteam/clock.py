@@ -9,6 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -21,19 +22,11 @@ STILL = 2.0
 
 PATIENCE_BOUNDS = (1.0, 100.0)
 """Of ZTEAM_PATIENCE."""
-
-
-def _factor() -> float:
-    least, most = PATIENCE_BOUNDS
-    try:
-        factor = float(os.environ.get("ZTEAM_PATIENCE") or 1.0)
-    except ValueError:
-        factor = 0.0
-    # BusOptions.from_environment tells the user.
-    return factor if least <= factor <= most else 1.0
-
-
-HOST_FACTOR = _factor()
+HOST_FACTOR = 1.0
+with suppress(ValueError):
+    # Of what is no number BusOptions.from_environment tells the user.
+    _given = float(os.environ.get("ZTEAM_PATIENCE") or 1.0)
+    HOST_FACTOR = _given if PATIENCE_BOUNDS[0] <= _given <= PATIENCE_BOUNDS[1] else 1.0
 """Times every limit of the host's: how long a process may take to start or to end, and how long a silent link counts
 as whole. `ZTEAM_PATIENCE` sets it, for a busy machine. It changes no limit of a robot: neither the watchdog nor the
 limits on old data nor the time-out of lock-step."""
@@ -201,54 +194,20 @@ def wait_until(condition: threading.Condition, ready: Callable[[], bool], timeou
     return condition.wait_for(ready, timeout)
 
 
-class SimClock:
-    """Simulated time: it stands still between ticks and while no simulator runs."""
-
-    def __init__(self) -> None:
-        self._now = 0
-        self._set = -math.inf
-        self._changed = threading.Condition()
-        self._on_jump_back: list[Callable[[int, int], None]] = []
-
-    def now(self) -> int:
-        """The last stamp received; 0 before the first."""
-        return self._now
-
-    @property
-    def stands(self) -> bool:
-        """Whether it has not been set for STANDS: the world stands, or what sets it does not get here."""
-        return time.monotonic() - self._set > STANDS
-
-    def on_jump_back(self, callback: Callable[[int, int], None]) -> None:
-        """Call `callback(old, new)` when time jumps back (the simulator restarted or was reset)."""
-        self._on_jump_back.append(callback)
-
-    def set(self, stamp: int) -> None:
-        """Set the time to a new stamp (ns) of the `clock` key."""
-        with self._changed:
-            old, self._now, self._set = self._now, stamp, time.monotonic()
-            self._changed.notify_all()
-        if stamp < old:
-            for callback in self._on_jump_back:
-                callback(old, stamp)
-
-    def wait_for_change(self, seen: int, timeout: float) -> bool:
-        """Wait until the time differs from `seen`, for at most `timeout` host seconds; return whether it does."""
-        with self._changed:
-            return self._changed.wait_for(lambda: self._now != seen, timeout)
-
-
 class AutoClock:
     """Undecided at first; then simulated time or wall time for the life of the process (docs/time.md).
 
     A simulator's presence or a `clock` message decides for simulated time; a base's data without either decides for
-    wall time. When a simulator ends, time stands still: it never becomes wall time.
+    wall time. Simulated time stands still between ticks and when a simulator ends: it never becomes wall time.
     """
 
     def __init__(self) -> None:
-        self.sim = SimClock()
         self.simulated = self._wall = False
         """Whether this is simulated time, or the host's."""
+        self._now = 0
+        self._set = -math.inf
+        self._changed = threading.Condition()
+        self._on_jump_back: list[Callable[[int, int], None]] = []
 
     @property
     def decided(self) -> bool:
@@ -256,11 +215,16 @@ class AutoClock:
 
     def now(self) -> int:
         """Nanoseconds; 0 while undecided or before the simulator's first tick."""
-        return time.time_ns() if self._wall else self.sim.now()
+        return time.time_ns() if self._wall else self._now
 
     def steady(self) -> int:
         """Nanoseconds for measuring intervals: simulated time, or the host's monotonic clock, which is never set."""
-        return self.sim.now() if self.simulated else time.monotonic_ns()
+        return self._now if self.simulated else time.monotonic_ns()
+
+    @property
+    def stands(self) -> bool:
+        """Whether simulated time was not set for STANDS: the world stands, or what sets it does not get here."""
+        return self.simulated and time.monotonic() - self._set > STANDS
 
     def use_simulated(self) -> None:
         """Decide for simulated time, unless decided: a simulator was seen."""
@@ -269,6 +233,24 @@ class AutoClock:
     def use_wall(self) -> None:
         """Decide for wall time, unless decided: a base's data was seen without a simulator."""
         self._wall = not self.simulated
+
+    def on_jump_back(self, callback: Callable[[int, int], None]) -> None:
+        """Call `callback(old, new)` when simulated time jumps back (the simulator restarted or was reset)."""
+        self._on_jump_back.append(callback)
+
+    def set(self, stamp: int) -> None:
+        """Set simulated time to a new stamp (ns) of the `clock` key."""
+        with self._changed:
+            old, self._now, self._set = self._now, stamp, time.monotonic()
+            self._changed.notify_all()
+        if stamp < old:
+            for callback in self._on_jump_back:
+                callback(old, stamp)
+
+    def wait_for_change(self, seen: int, timeout: float) -> bool:
+        """Wait until simulated time differs from `seen`, for at most `timeout` host seconds; whether it does."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._now != seen, timeout)
 
 
 class Every:
@@ -317,21 +299,21 @@ class Rate:
             self._next = now + self._period
 
 
-class Ticker:
-    """Waits for evenly spaced moments, in simulated time or the host's, for tools that repeat something at a rate."""
+def moments(period: float, clock: AutoClock, on_still: Callable[[], None] = lambda: None) -> Callable[[], None]:
+    """A function that waits for the next of evenly spaced moments of `clock`, which is decided.
 
-    def __init__(self, period: float, clock: AutoClock) -> None:
-        """The first moment is `period` seconds from now. `clock` is decided."""
-        self._clock = clock
-        self._rate = Rate(to_ns(period), clock.steady())
+    The first one is `period` seconds from now. `on_still()` is called each time simulated time has stood for STILL.
+    """
+    rate = Rate(to_ns(period), clock.steady())
 
-    def wait(self, on_still: Callable[[], None] = lambda: None) -> None:
-        """Wait until the next moment; call `on_still()` each time simulated time has stood still for STILL."""
-        now = self._clock.steady()
-        while left := self._rate.left(now):
-            if not self._clock.simulated:
+    def wait() -> None:
+        now = clock.steady()
+        while left := rate.left(now):
+            if not clock.simulated:
                 time.sleep(to_seconds(left))
-            elif not self._clock.sim.wait_for_change(now, STILL):
+            elif not clock.wait_for_change(now, STILL):
                 on_still()
-            now = self._clock.steady()
-        self._rate.take(now)
+            now = clock.steady()
+        rate.take(now)
+
+    return wait

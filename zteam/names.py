@@ -3,7 +3,7 @@
 import re
 import secrets
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from zteam.errors import UsageError
 
@@ -101,17 +101,16 @@ KEYS_WITHOUT_MAPS = tuple(
     f"**/{key}" for key in (f"{ALL_ROBOTS}/*", f"{SIMULATOR}/*", CLOCK, DONE, TF, TF_STATIC, TEAM_STATUS)
 )
 """In all namespaces: keys on which large messages are a mistake. A robot's costmaps have one chunk more."""
-_ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
-_NAVIGATION = "nav_"
-_BASE = "base_"
+_ROBOT = re.compile(r"(robot_|nav_|base_)(0|[1-9][0-9]{0,3})", re.ASCII)
+"""With as many digits as MAX_ROBOT_ID has."""
 _LATCHED = "/@adv/pub/"
-_ID = re.compile(r"[0-9]+", re.ASCII)
+_TOKEN = re.compile(r"(?:([^*$]+)/)?([^*$/]*)/alive/([^*$/]*)")
+_ID = re.compile(r"0*[0-9]{1,4}", re.ASCII)
 
 
 def parse_robot_id(text: str) -> int:
     """The robot id that a user typed. Raises UsageError unless it is a whole number from 0 to MAX_ROBOT_ID."""
-    # More digits than the bound has are refused before int(), which is slow for thousands of digits.
-    if not _ID.fullmatch(text) or len(text.lstrip("0")) > len(str(MAX_ROBOT_ID)) or int(text) > MAX_ROBOT_ID:
+    if not _ID.fullmatch(text):
         shown = text if len(text) <= 20 else text[:20] + "…"
         named = robot_id_of(text)
         hint = "" if named is None else f"; give {named}"
@@ -125,13 +124,24 @@ def robot_name(robot_id: int) -> str:
     return f"robot_{robot_id}"
 
 
+navigation_name = "nav_{}".format
+"""`nav_N`: the name of the process that navigates robot N. A process of several robots holds several names."""
+base_name = "base_{}".format
+"""`base_N`: the name of the base driver of robot N, and of its certificate."""
+
+
 @lru_cache(maxsize=1024)
-def robot_id_of(name: str) -> int | None:
-    """The id in `robot_N`, or None if `name` is not a robot's."""
+def _id_in(stem: str, name: str) -> int | None:
     match = _ROBOT.fullmatch(name)
-    if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
-        return None
-    return int(match[1])
+    return int(match[2]) if match and match[1] == stem else None
+
+
+robot_id_of = partial(_id_in, "robot_")
+"""The id in `robot_N`, or None if the name is not a robot's."""
+navigated_robot_of = partial(_id_in, "nav_")
+"""The robot's id in `nav_N`, or None if the name is not that of a navigation process."""
+base_robot_of = partial(_id_in, "base_")
+"""The robot's id in `base_N`, or None if the name is not that of a base driver."""
 
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
@@ -169,34 +179,24 @@ def is_view(name: str) -> bool:
     return name == VIEW or name.startswith(f"{VIEW}_")
 
 
-def navigation_name(robot_id: int) -> str:
-    """`nav_N`: the name of the process that navigates robot N. A process of several robots holds several names."""
-    return f"{_NAVIGATION}{robot_id}"
+def is_of_team(name: str) -> bool:
+    """Whether a process of this name drives or simulates robots, or starts those that do.
+
+    Monitors, views, tools and a user's own nodes are no team.
+    """
+    return name in {SIMULATOR, AGGREGATOR, LAUNCHER} or _ROBOT.fullmatch(name) is not None
 
 
-def navigated_robot_of(name: str) -> int | None:
-    """The robot's id in `nav_N`, or None if `name` is not that of a navigation process."""
-    return robot_id_of(f"robot_{name.removeprefix(_NAVIGATION)}") if name.startswith(_NAVIGATION) else None
-
-
-def base_name(robot_id: int) -> str:
-    """`base_N`: the name of the base driver of robot N, and of its certificate."""
-    return f"{_BASE}{robot_id}"
-
-
-def base_robot_of(name: str) -> int | None:
-    """The robot's id in `base_N`, or None if `name` is not that of a base driver."""
-    return robot_id_of(f"robot_{name.removeprefix(_BASE)}") if name.startswith(_BASE) else None
-
-
+@lru_cache(maxsize=4096)
 def robot_key(robot_id: int, topic: str) -> str:
     """`robot_N/topic`."""
     return f"robot_{robot_id}/{topic}"
 
 
-def all_robots_key(topic: str) -> str:
-    """The wildcard for `topic` of every robot."""
-    return f"{ALL_ROBOTS}/{topic}"
+robot_frame = robot_key
+"""`robot_N/local`: a robot's frames have the form of its keys."""
+all_robots_key = f"{ALL_ROBOTS}/{{}}".format
+"""The wildcard for a topic of every robot."""
 
 
 def input_key(robot_id: int, topic: str) -> str:
@@ -257,15 +257,8 @@ def numbered(stem: str, index: int, *, always: bool = False) -> str:
     return stem if index == 0 and not always else f"{stem}_{index}"
 
 
-def all_numbered(stem: str) -> str:
-    """Wildcard over the topics of all devices of a kind."""
-    return f"{stem}$*"
-
-
-@lru_cache(maxsize=4096)
-def robot_frame(robot_id: int, local: str) -> str:
-    """`robot_N/local`."""
-    return f"robot_{robot_id}/{local}"
+all_numbered = "{}$*".format
+"""Wildcard over the topics of all devices of a kind, of which this is the stem."""
 
 
 @lru_cache(maxsize=4096)
@@ -287,84 +280,41 @@ def resolve_frame(prefix: str, name: str) -> str:
     return f"{prefix}/{name}"
 
 
-def is_of_team(name: str) -> bool:
-    """Whether a process of this name drives or simulates robots, or starts those that do.
+service_key = "{}/{}".format
+"""Query of the process with this name, and its service: `sim/report`, `tf/lookup`, …"""
+info_key = "{}/info".format
+"""Query: host, pid and start of the process with this name."""
+stats_key = "{}/stats".format
+"""Query: received and dropped messages of the process with this name, per key."""
+log_key = f"{{}}/{LOG}".format
+"""Key of the log of the process with this name, and of the query for its newest lines."""
+done_key = f"{{}}/{DONE}".format
+"""Lock-step: key of the answers of the participant with this name."""
 
-    Monitors, views, tools and a user's own nodes are no team.
-    """
-    per_robot = (robot_id_of, navigated_robot_of, base_robot_of)
-    return name in {SIMULATOR, AGGREGATOR, LAUNCHER} or any(of(name) is not None for of in per_robot)
+token_key = "{}/alive/{}".format
+"""Presence token of the process with this name, and of one of its instances (sessions)."""
+tokens_key = "{}/alive/*".format
+"""Wildcard over the presence tokens of a name; `*` stands for all processes.
 
+For a session without a namespace, `**` stands for those of all namespaces.
+"""
+claim_key = "{}/claim/{}".format
+"""Token of an instance that claims this name; `*` is the wildcard over all that do."""
+lockstep_key = f"{SIMULATOR}/lockstep/{{}}".format
+"""The token of a simulator in lock-step by its instance."""
+right_key = "{}/@adv/{}/{}".format
+"""Token that shows whether its instance, the last part, may do this with a key, the first one: PUBLISHES or ANSWERS."""
+checked_key = "@session/{}/checked/{}".format
+"""Token with a number that an instance declares after others, which are at the router when this one is."""
+latched_tokens_key = f"{{}}{_LATCHED}**".format
+"""Wildcard over the tokens of the latched publishers on a key expression, which Zenoh makes: their key, session and
+number. Each answers queries on its token with its last message."""
 
-def token_key(name: str, instance: str) -> str:
-    """Presence token of one instance (session) of the process `name`."""
-    return f"{name}/alive/{instance}"
-
-
-def claim_key(name: str, instance: str) -> str:
-    """Token of an instance that claims the name `name`; `*` is the wildcard over all that do."""
-    return f"{name}/claim/{instance}"
-
-
-def right_key(key: str, verb: str, instance: str) -> str:
-    """Token of an instance that finds out whether it may do this with `key`: PUBLISHES or ANSWERS."""
-    return f"{key}/@adv/{verb}/{instance}"
-
-
-def checked_key(instance: str, number: str) -> str:
-    """Token of an instance that declares it after others, which are at the router when this one is."""
-    return f"@session/{instance}/checked/{number}"
-
-
-def latched_tokens_key(key_expr: str) -> str:
-    """Wildcard over the tokens of the latched publishers on a key expression, which Zenoh makes: their key, session and
-    number. Each answers queries on its token with its last message."""
-    return f"{key_expr}{_LATCHED}**"
-
-
-def split_latched_token(token: str) -> tuple[str, str, str]:
-    """Key, session and number of the latched publisher that has a token."""
-    key, _, publisher = token.partition(_LATCHED)
-    session, _, rest = publisher.partition("/")
-    return key, session, rest.partition("/")[0]
-
-
-def tokens_key(name: str = "*") -> str:
-    """Wildcard over the presence tokens of `name`, by default of all processes.
-
-    For a session without a namespace, `**` stands for those of all namespaces.
-    """
-    return f"{name}/alive/*"
-
-
-def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
-    """(namespace, name, instance) of a token's key as a session without a namespace sees it, or None."""
-    parts = key.rsplit("/", 3)
-    token = split_token_key("/".join(parts[-3:]))
-    return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
-
-
-def split_token_key(key: str) -> tuple[str, str] | None:
-    """(name, instance) of a presence token's key, or None."""
-    parts = key.split("/")
-    if len(parts) != 3 or parts[1] != "alive" or is_wildcard(key):
-        return None
-    return parts[0], parts[2]
-
-
-def lockstep_key(instance: str = "*") -> str:
-    """The token of a simulator in lock-step by its session, by default a wildcard over them."""
-    return f"{SIMULATOR}/lockstep/{instance}"
-
-
-def done_key(name: str = "*") -> str:
-    """Lock-step: key of the answers of the participant `name`, by default of all."""
-    return f"{name}/{DONE}"
-
-
-def log_key(name: str = "*") -> str:
-    """Key of the log of the process `name`, and of the query for its newest lines; by default of all processes."""
-    return f"{name}/{LOG}"
+# No wildcard means a part that begins with @, and no process has such a name.
+declarations_key = "@session/{}/declarations".format
+"""Query: the publishers and subscribers of an instance, or with `*` of each."""
+session_info_key = "@session/{}/info".format
+"""Query: which process an instance is; it is told there of others that publish on one of its keys."""
 
 
 @lru_cache(maxsize=1024)
@@ -374,29 +324,20 @@ def process_of(key: str, topic: str) -> str | None:
     return name if rest == topic and name and "/" not in name and not is_wildcard(name) else None
 
 
-def info_key(name: str) -> str:
-    """Query: host, pid and start of the process `name`."""
-    return f"{name}/info"
+def split_latched_token(token: str) -> tuple[str, str, str]:
+    """Key, session and number of the latched publisher that has a token."""
+    key, _, publisher = token.partition(_LATCHED)
+    session, _, rest = publisher.partition("/")
+    return key, session, rest.partition("/")[0]
 
 
-def stats_key(name: str) -> str:
-    """Query: received and dropped messages of the process `name`, per key."""
-    return f"{name}/stats"
+def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
+    """(namespace, name, instance) of a token's key as a session without a namespace sees it, or None."""
+    match = _TOKEN.fullmatch(key)
+    return None if match is None else (match[1] or "", match[2], match[3])
 
 
-def declarations_key(instance: str) -> str:
-    """Query: the publishers and subscribers of the session `instance`, or with `*` of each session.
-
-    No wildcard means a part that begins with @, and no process has such a name.
-    """
-    return f"@session/{instance}/declarations"
-
-
-def session_info_key(instance: str) -> str:
-    """Query: which process the session `instance` is; it is told there of others that publish on one of its keys."""
-    return f"@session/{instance}/info"
-
-
-def service_key(name: str, service: str) -> str:
-    """Query `service` of the process `name`: `sim/report`, `tf/lookup`, …"""
-    return f"{name}/{service}"
+def split_token_key(key: str) -> tuple[str, str] | None:
+    """(name, instance) of a presence token's key, or None."""
+    match = _TOKEN.fullmatch(key)
+    return None if match is None or match[1] else (match[2], match[3])

@@ -89,7 +89,7 @@ class ZteamTeam:
         self._robots: list[_ZteamRobot] = []
         self._gate: Gate | None = None
         self._tokens = TokenSet()
-        self._hub.bus().watch_tokens([names.tokens_key()], self._on_token)
+        self._hub.bus().watch_tokens([names.tokens_key("*")], self._on_token)
         self._now = 0
         self._said = TeamStatus()
         """Latched: the last word of the newest monitor, which ends with its process."""

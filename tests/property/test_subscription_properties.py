@@ -29,7 +29,9 @@ READERS: dict[str, Callable[[Bus, Node, str, Take], Closeable]] = {
     "messages": lambda bus, _, key, take: bus.subscribe(key, Done, take),
     "latched messages": lambda bus, _, key, take: bus.subscribe(key, Done, take, latched=True),
     "with source": lambda bus, _, key, take: bus.subscribe_from(key, Done, lambda k, m, _: take(k, m)),
-    "bytes": lambda bus, _, key, take: bus.subscribe_contents(key, Done, lambda k, c: take(k, decode(Done, bytes(c)))),
+    "bytes": lambda bus, _, key, take: bus.subscribe_raw(
+        key, lambda s: take(s.key, decode(Done, s.payload)), only=Done
+    ),
     "latched samples": lambda bus, _, key, take: bus.subscribe_raw(
         key, lambda s: take(s.key, decode(Done, s.payload)), latched=True
     ),

@@ -78,7 +78,7 @@ class InProcessTeam:
         self._monitor = ScriptedMonitor(self.hub)
         if options.standing_go:
             self._monitor.give_go()
-        self.bus.subscribe(names.done_key(), Done, lambda key, done: self.dones.append((key.split("/")[0], done)))
+        self.bus.subscribe(names.done_key("*"), Done, lambda key, done: self.dones.append((key.split("/")[0], done)))
         self.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
         world, self.robots = load_scene()
         self.world = world

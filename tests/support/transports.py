@@ -88,7 +88,9 @@ class ZenohTimes:
 @contextmanager
 def memory_sessions() -> Iterator[Sessions]:
     """Sessions on one hub, whose samples have Zenoh's timestamps."""
-    yield Sessions(MemoryHub(timestamps=ZenohTimes()).bus)
+    hub = MemoryHub()
+    hub.timestamps = ZenohTimes()
+    yield Sessions(hub.bus)
 
 
 @contextmanager

@@ -78,7 +78,7 @@ def forged_messages(robot_id: int) -> dict[str, Message]:
 
 def sessions(attacker: zenoh.Session) -> list[str]:
     """The ids of all sessions of the team."""
-    tokens = [str(reply.ok.key_expr) for reply in attacker.liveliness().get(names.tokens_key()) if reply.ok]
+    tokens = [str(reply.ok.key_expr) for reply in attacker.liveliness().get(names.tokens_key("*")) if reply.ok]
     return sorted({token[1] for token in map(names.split_token_key, tokens) if token is not None})
 
 

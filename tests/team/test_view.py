@@ -168,7 +168,7 @@ def test_where_time_runs_fast_the_newest_is_asked_for(team: TeamFixture) -> None
         told = team.bus.declarations()
         return {each.key for each in told if not each.publishes and each.session in sessions}.issuperset(keys)
 
-    team.bus.watch_tokens([names.tokens_key()], on_token)
+    team.bus.watch_tokens([names.tokens_key("*")], on_token)
     every = ("tf", "robot_0/base_scan$*", "robot_1/base_scan$*")
     team.start("arena", 2, lockstep=False)
     team.wait_for_go()

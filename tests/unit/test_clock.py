@@ -11,8 +11,7 @@ from zteam.clock import (
     AutoClock,
     Every,
     Rate,
-    SimClock,
-    Ticker,
+    moments,
     monotonic,
     to_ns,
     to_seconds,
@@ -28,7 +27,7 @@ def test_seconds_and_nanoseconds() -> None:
 
 def test_a_jump_back_is_reported_with_both_times() -> None:
     """A smaller stamp is accepted and reported to the callbacks, an equal or larger one is not. Time is 0 at first."""
-    sim, heard = SimClock(), []
+    sim, heard = AutoClock(), []
     assert sim.now() == 0
     sim.on_jump_back(lambda old, new: heard.append((old, new, sim.now())))
     for stamp in (100, 200, 200, 50, 60):
@@ -44,7 +43,7 @@ def test_an_auto_clock_stays_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None
     for auto, decisions in ((simulated, ("use_simulated", "use_wall")), (host, ("use_wall", "use_simulated"))):
         for decide in decisions:
             getattr(auto, decide)()
-        auto.sim.set(300)
+        auto.set(300)
     assert (simulated.decided, simulated.simulated, simulated.now()) == (True, True, 300)
     assert (host.decided, host.simulated, host.now()) == (True, False, 42)
     assert clock.wall_ns() == 42
@@ -63,7 +62,7 @@ def test_every_is_due_once_a_period(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_change_of_simulated_time_is_waited_for() -> None:
     """A thread goes on with the next stamp; without one its wait times out, and from another time it does not wait."""
-    sim = SimClock()
+    sim = AutoClock()
     sim.set(100)
     assert not sim.wait_for_change(100, 0.01)
     assert sim.wait_for_change(50, 0.0)
@@ -114,29 +113,29 @@ def test_a_ticker_follows_simulated_time(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(clock, "STILL", 0.01)
     auto = AutoClock()
     auto.use_simulated()
-    ticker = Ticker(1e-6, auto)
     come: list[int] = []
     still: list[int] = []
+    wait = moments(1e-6, auto, lambda: still.append(auto.now()))
 
     def run() -> None:
         for _ in range(2):
-            ticker.wait(lambda: still.append(auto.now()))
+            wait()
             come.append(auto.now())
 
     def stand(stamp: int) -> None:
-        auto.sim.set(stamp)
+        auto.set(stamp)
         wait_until_true(lambda: still[-2:] == [stamp, stamp])
 
     thread = threading.Thread(target=run)
     thread.start()
     stand(999)
     assert come == []
-    auto.sim.set(50_000)
+    auto.set(50_000)
     wait_until_true(lambda: come == [50_000])
     stand(100)
     stand(1099)
     assert come == [50_000]
-    auto.sim.set(1100)
+    auto.set(1100)
     thread.join(LIMIT)
     assert come == [50_000, 1100]
 
@@ -153,11 +152,11 @@ def test_a_ticker_of_the_host_sleeps_until_each_moment(monkeypatch: pytest.Monke
     monkeypatch.setattr(clock.time, "sleep", sleep)
     wall = AutoClock()
     wall.use_wall()
-    ticker = Ticker(0.1, wall)
-    ticker.wait()
+    wait = moments(0.1, wall)
+    wait()
     now[0] += to_ns(0.03)
-    ticker.wait()
+    wait()
     now[0] += to_ns(0.35)
-    ticker.wait()
-    ticker.wait()
+    wait()
+    wait()
     assert slept == [0.1, 0.07, 0.1]

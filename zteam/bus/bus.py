@@ -4,30 +4,33 @@ import logging
 import os
 import socket
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
-from zteam.bus.receiving import Counters, Receiver
+from zteam.bus.receiving import Receiver
 from zteam.bus.rights import RightCheck, Use
 from zteam.bus.transport import (
+    TIMED_OUT,
     Closeable,
     Declaration,
+    Finish,
     Handle,
     Held,
-    Holding,
     RawPublisher,
     RawSample,
+    Reply,
     SampleHandler,
     Transport,
     check_use,
+    decode_json,
 )
-from zteam.clock import monotonic
-from zteam.errors import BusError, UsageError
+from zteam.clock import Every
+from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
 from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
+Request = TypeVar("Request", bound=msgspec.Struct)
 log = logging.getLogger("zteam.bus")
 
 MOST_SESSIONS = 16
@@ -46,6 +50,26 @@ _RIVALS_PAUSE = 60.0
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
+
+
+class NoRequest(msgspec.Struct):
+    """The request of a query that needs none."""
+
+
+class Change(msgspec.Struct, kw_only=True):
+    """A request that changes something; the base of all such requests.
+
+    A query on a wildcard, such as `**`, reaches every query of every process: it changes nothing.
+    """
+
+    wildcard: ClassVar[str] = ""
+    """The only wildcard that may ask for it; empty for none."""
+
+
+class Deferred(NamedTuple):
+    """An answer that takes its time: `finish()` returns it and is called on a thread of its own."""
+
+    finish: Callable[[], Any]
 
 
 class SessionRequest(msgspec.Struct):
@@ -67,6 +91,26 @@ class SessionInfo(msgspec.Struct):
 
     def __str__(self) -> str:
         return f"{self.name} (process {self.pid} on {self.host})"
+
+
+def _read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -> list[tuple[str, T]]:
+    """(key, answer) pairs sorted by key. Raises QueryError if there are errors and no answer."""
+    good: list[tuple[str, T]] = []
+    bad: list[tuple[str, str]] = []
+    error: type[QueryError] = QueryTimeoutError
+    for reply in replies:
+        if reply is not TIMED_OUT:
+            error = QueryError
+        if reply.error:
+            bad.append((reply.key or key_expr, reply.payload.decode(errors="replace")))
+            continue
+        try:
+            good.append((reply.key, decode_json(reply.payload, reply_type)))
+        except DecodeError as fault:
+            bad.append((reply.key, f"unreadable answer: {fault}"))
+    if bad and not good:
+        raise error("; ".join(map(": ".join, bad)), "; ".join(why for _, why in bad))
+    return sorted(good, key=lambda pair: pair[0])
 
 
 def _command() -> str:
@@ -120,8 +164,7 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        content, raw = encode(message), self._handle
-        self._keep(content) if raw is None else raw.put(content)
+        self._send(encode(message))
 
     def put_owned(self, message: M) -> None:
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
@@ -129,17 +172,16 @@ class Publisher(Held[RawPublisher], Generic[M]):
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
         still narrowed, and arrays become read-only.
         """
-        raw = self._handle
-        self._keep(message) if raw is None else raw.put(message)
+        self._send(message)
 
-    def _keep(self, content: bytes | M) -> None:
-        with self._lock:
-            raw = self._handle
-            if raw is None:
-                self._kept = content
-                return
-        # It has been opened meanwhile.
-        raw.put(content)
+    def _send(self, content: bytes | M) -> None:
+        if self._handle is None:
+            with self._lock:
+                # Unless it has been opened meanwhile.
+                if self._handle is None:
+                    self._kept = content
+                    return
+        self._handle.put(content)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""
@@ -154,32 +196,48 @@ class Bus:
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        rights: RightCheck | None = None,
-        options: "BusOptions | None" = None,
+        self, transport: Transport, rights: RightCheck | None = None, options: "BusOptions | None" = None
     ) -> None:
         """With `rights` where the router may have an access control."""
-        self.transport = transport
+        self.transport, self.instance = transport, transport.instance
         self.options = options
         """How it is connected, for another process that is to join the same team; None in memory."""
         self._rights = rights
-        self.counters = Counters()
-        self._receiver = Receiver(self.counters)
-        self.holding = Holding()
+        self.counters = Receiver()
+        self._waiting: list[Callable[[], None]] | None = None
+        """What opens the publishers and queries that are held."""
+        self._lock = threading.Lock()
         self._declared: dict[object, Declaration] = {}
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rivals_logged: dict[str, float] = {}
-        """By key: host time of the last line about others that publish on it."""
+        self._rivals_due = defaultdict[str, Every](lambda: Every(_RIVALS_PAUSE))
+        """By key: whether a line is due about others that publish on it; any program may ask for one."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
-            self.watch_link(self._check_rights_again)
+            self.watch_link(rights.check_again)
 
-    @property
-    def instance(self) -> str:
-        return self.transport.instance
+    def hold(self) -> None:
+        """From now on publishers and queries wait for `release`: others see nothing of a process without its name.
+
+        Messages are dropped; of a latched publisher the release sends the last.
+        """
+        self._waiting = []
+
+    def release(self) -> None:
+        """Open what waits, in the order in which it came."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, None
+        for open_now in waiting or ():
+            open_now()
+
+    def open(self, declared: Held[Any]) -> None:
+        """Open it now, or at the release."""
+        with self._lock:
+            if self._waiting is not None:
+                self._waiting.append(declared.open)
+                return
+        declared.open()
 
     def publisher(
         self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
@@ -195,26 +253,21 @@ class Bus:
             self._check_later(Use(key, PUBLISHES))
             return self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
 
-        with self._listed(key, True) as forget:
-            publisher = Publisher(key, message_type, latched, declare, forget)
-            self.holding.open(publisher)
+        publisher = Publisher(key, message_type, latched, declare, self._list(key, True))
+        self.open(publisher)
         return publisher
 
     def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
-        with self._listed(key_expr, False) as forget:
-            subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
+        check_use("subscribe to", key_expr, False)
+        forget = self._list(key_expr, False)
+        subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
         return Handle(forget, subscriber.close)
 
-    @contextmanager
-    def _listed(self, key: str, publishes: bool) -> Iterator[Callable[[], object]]:
-        """Lists what is opened within, before others can notice it; the call that takes it off the list again."""
+    def _list(self, key: str, publishes: bool) -> Callable[[], object]:
+        """List what is about to be opened, so before others notice it; the call that takes it off the list again."""
         place = object()
         self._declared[place] = Declaration(key, self.instance, publishes)
-        try:
-            yield lambda: self._declared.pop(place, None)
-        except BaseException:
-            del self._declared[place]
-            raise
+        return lambda: self._declared.pop(place, None)
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
@@ -225,7 +278,7 @@ class Bus:
         with the newest one of theirs.
         """
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages(message_type, callback, latched=latched)
+        handler = self.counters.messages(message_type, callback, latched=latched)
         return self._subscribe(key_expr, handler, latched, latched)
 
     def subscribe_from(
@@ -240,28 +293,23 @@ class Bus:
         `problem(sample)` says why a sample is dropped, and is empty for those that are not.
         """
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages(message_type, callback, with_source=True, problem=problem)
+        handler = self.counters.messages(message_type, callback, with_source=True, problem=problem)
         return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(
-        self, key_expr: str, callback: Callable[[RawSample], None], *, latched: bool = False
+        self,
+        key_expr: str,
+        callback: Callable[[RawSample], None],
+        *,
+        latched: bool = False,
+        only: type[Message] | None = None,
     ) -> Closeable:
-        """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
-        return self._subscribe(key_expr, self._receiver.guarded(callback), latched, True)
+        """Call `callback` with undecoded samples: for tools that learn the type from the encoding.
 
-    def subscribe_contents(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, bytes | M], None]
-    ) -> Closeable:
-        """Call `callback(key, content)` with undecoded messages of one type, for callers that decode them themselves.
-
-        Content is the message's bytes, or the message itself where it has none. Bytes for which `callback` raises
-        DecodeError are counted as dropped.
+        With `only`, those of other types are dropped, and without `latched` the rest have neither time nor source:
+        reading those takes as long as all else.
         """
-        return self._subscribe(key_expr, self._receiver.contents(message_type, callback), False, False)
-
-    def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
-        """The sample's message, counted; None if it is refused (the counters say why)."""
-        return self._receiver.decode(sample, message_type)
+        return self._subscribe(key_expr, self.counters.samples(callback, only), latched, latched or only is None)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0
@@ -271,7 +319,7 @@ class Bus:
         Raises BusError with the server's text if the only answers are errors.
         """
         payload = msgspec.json.encode(request if request is not None else NoRequest())
-        answers = read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
+        answers = _read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
         if not answers and isinstance(request, Change) and self._rights is not None:
             raise BusError(f"no answer: no process serves {key_expr}, or this process's certificate may not ask for it")
         return answers
@@ -301,7 +349,19 @@ class Bus:
         The asker gets an error text if the request does not decode, if it is a `Change` asked for by a wildcard, and if
         the handler raises. A handler that has to wait returns a `Deferred`.
         """
-        handle = query_handler(key, request_type, handler, self.counters)
+
+        def handle(asked: str, payload: bytes) -> bytes | Finish:
+            if issubclass(request_type, Change) and asked not in (key, request_type.wildcard):
+                raise BusError(f"{key} changes something: ask for it by this key, not by the wildcard {asked}")
+            try:
+                request = decode_json(payload or b"{}", request_type)
+            except DecodeError as error:
+                self.counters.drop(key, f"bad request: {error}")
+                raise BusError(f"bad request: {error}") from None
+            answer = handler(request)
+            if isinstance(answer, Deferred):
+                return lambda: msgspec.json.encode(answer.finish())
+            return msgspec.json.encode(answer)
 
         def declare() -> Closeable:
             # A claim on a name answers at once, and is refused where another process holds the name.
@@ -310,7 +370,7 @@ class Bus:
             return self.transport.declare_queryable(key, handle)
 
         served = Held(declare)
-        served.open() if at_once else self.holding.open(served)
+        served.open() if at_once else self.open(served)
         return served
 
     def serve_stats(self, name: str) -> Closeable:
@@ -340,19 +400,10 @@ class Bus:
         if self._rights is not None:
             self._rights.check_later(use)
 
-    def _check_rights_again(self, up: bool) -> None:
-        if up and self._rights is not None:
-            keys = [each.key for each in list(self._declared.values()) if each.publishes]
-            self._rights.check_again(Use(key, PUBLISHES) for key in keys)
-
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
-        if publishes and request.rivals:
-            now = monotonic()
-            # Any program may ask.
-            if now - self._rivals_logged.get(request.key, -_RIVALS_PAUSE) >= _RIVALS_PAUSE:
-                self._rivals_logged[request.key] = now
-                log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
+        if publishes and request.rivals and self._rivals_due[request.key].due():
+            log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
         return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:
@@ -376,7 +427,7 @@ class Bus:
         asked = declarations_key("*")
         replies = self.transport.get(asked, b"", _DECLARATIONS_TIMEOUT, to_others=True)
         try:
-            answers = read_replies(asked, replies, list[Declaration])
+            answers = _read_replies(asked, replies, list[Declaration])
         except BusError:
             # There are other sessions, but no readable answer has come in time.
             return []

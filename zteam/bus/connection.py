@@ -8,6 +8,7 @@ import logging
 import math
 import random
 import select
+import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -21,15 +22,24 @@ from zteam.bus.bus import Bus
 from zteam.bus.options import (
     FROM_STDIN,
     ROUTER_ANSWER,
+    TLS_VARIABLES,
     BusOptions,
     client_config,
+    host_port,
     open_session,
     port_accepts,
     try_open,
 )
-from zteam.bus.refusals import Reasons, why_foreign, why_refused
 from zteam.bus.rights import RightCheck
-from zteam.bus.router import ON_DEMAND_DEADLINE, read_admin, router_log_path, spawn_router
+from zteam.bus.router import (
+    ANSWER_WITHIN,
+    ON_DEMAND_DEADLINE,
+    RouterRecord,
+    find_local_routers,
+    read_admin,
+    router_log_path,
+    spawn_router,
+)
 from zteam.bus.sockets import Ends, cut, links_of
 from zteam.bus.transport import let_end
 from zteam.bus.zenoh_session import ZenohTransport
@@ -57,6 +67,96 @@ _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
+
+_ALERT = b"\x15\x03"
+"""The first bytes with which TLS refuses what is no TLS."""
+_CLOSE = b"\x02\x00\x03"
+"""The first bytes with which a Zenoh router refuses what is no Zenoh: two of length, and the number of a Close."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 60.0
+"""Host seconds between two looks for the reason why a router does not let a process in."""
+
+
+def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:
+    """Why the router at the default port is not joined, and what to do; None if it is joined.
+
+    On a shared machine it may be another user's: two users' teams must not mix by accident.
+    """
+    owner = record.metadata.owner if record and record.metadata else None
+    if owner is None or not owner.is_another_user():
+        return None
+    own = "'zteam-router --listen tcp/127.0.0.1:PORT'"
+    step = f"to join it on purpose use --connect {endpoint}, or run your own with {own}"
+    return f"the router at {endpoint} belongs to {owner}", step
+
+
+def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
+    """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
+    host, port = address
+    try:
+        with socket.create_connection(address, timeout=ANSWER_WITHIN) as link:
+            host, port = link.getpeername()[:2]
+            link.sendall(bytes(32))
+            answer = link.recv(64)
+    except TimeoutError:
+        return None
+    except OSError:
+        answer = b""
+    # A router that has too many connections to open ends some of them.
+    return None if not answer and f"tcp/{host}:{port}" in find_local_routers() else answer
+
+
+def why_refused(options: BusOptions) -> tuple[str, str]:
+    """Why no session was opened at an endpoint that accepts connections, and what to do."""
+    endpoint = options.endpoint
+    address, place = host_port(endpoint), endpoint.partition("/")[2]
+    answer = b"" if address is None else _answer_to_nonsense(address)
+    if answer is None:
+        step = "a router there is frozen, or another program is there: name a router elsewhere with --connect"
+        return f"{endpoint} takes connections but does not answer", step
+    if answer.startswith(_ALERT):
+        if options.tls is not None and address is not None:
+            from zteam.bus.tls import own_fault, own_identity, refusal
+
+            if fault := own_fault(options.tls) or refusal(address, options.tls):
+                return f"the router at {endpoint} and this process do not trust each other", fault
+            return (
+                f"the router at {endpoint} gives the certificate {own_identity(options.tls)[0]} no rights",
+                "it was revoked or replaced ('zteam certs list'), or the team's namespace is another one (--namespace)",
+            )
+        step = f"use --connect tls/{place}, and set {', '.join(TLS_VARIABLES)} (docs/security.md)"
+        return f"the router at {endpoint} takes certificates only", step
+    if answer.startswith(_CLOSE):
+        unset = f" without {', '.join(TLS_VARIABLES)}" if options.tls is not None else ""
+        step = f"use --connect tcp/{place}{unset}, and name in --config what it asks for, such as a password"
+        return f"the router at {endpoint} has no certificates, or refuses this process", step
+    return (
+        f"{endpoint} is held by something that does not speak Zenoh",
+        "end it, or run a router elsewhere and name it with --connect",
+    )
+
+
+class Reasons:
+    """Why a process has no link. Each reason is given once, and again when it has changed.
+
+    A Zenoh router accepts nothing for 0.1 s after a TLS handshake that fails, and each look makes some. So the pause
+    between looks doubles: otherwise a large team that is kept out could never come in.
+    """
+
+    def __init__(self, options: BusOptions, first: float) -> None:
+        """`first` is the time to the first look, in host seconds."""
+        self._options = options
+        self._next, self._pause = monotonic() + first, _FIRST_PAUSE
+        self._given = ""
+
+    def look(self) -> str | None:
+        """The reason, empty where nothing listens; None if it was given before, or it is not yet time to look."""
+        now = monotonic()
+        if now < self._next:
+            return None
+        self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
+        before, listens = self._given, port_accepts(self._options.endpoint)
+        self._given = ": ".join(why_refused(self._options)) if listens else ""
+        return None if self._given and self._given == before else self._given
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
@@ -114,14 +214,15 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
                 raise BusError(fault)
         waited = monotonic() - start
         if patience is not None and waited > patience:
-            raise BusError(_no_router(options))
-        if reasons.due():
+            if port_accepts(options.endpoint):
+                raise BusError(": ".join(why_refused(options)))
+            raise BusError(
+                f"no Zenoh router answers at {options.endpoint}: "
+                f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
+            )
+        if (why := reasons.look()) is not None:
             place = f"{options.endpoint} (Ctrl+C to give up)"
-            if not port_accepts(options.endpoint):
-                reasons.forget()
-                log.warning("waiting for a Zenoh router at %s", place)
-            elif why := reasons.look():
-                log.warning("waiting for a Zenoh router at %s: %s", place, why)
+            log.warning("waiting for a Zenoh router at %s", f"{place}: {why}" if why else place)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
@@ -130,26 +231,11 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
 def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
     """Whether the router lets through what a session with a certificate sends: a question to it, from another one."""
     key, deadline = declarations_key(str(session.zid())), monotonic() + _RIGHTS_WITHIN
-
-    def answer(query: zenoh.Query) -> None:
-        with query:
-            query.reply(key, b"")
-
-    callback: Any = zenoh.handlers.Callback(answer, indirect=False)
+    callback: Any = zenoh.handlers.Callback(lambda query: query.reply(key, b""), indirect=False)
     with session.declare_queryable(key, callback):
         while not (is_reached := _is_reached(options, key)) and monotonic() < deadline:
             pause(_LOOK_AGAIN)
     return bool(is_reached)
-
-
-def _no_router(options: BusOptions) -> str:
-    endpoint = options.endpoint
-    if port_accepts(endpoint):
-        return ": ".join(why_refused(options))
-    return (
-        f"no Zenoh router answers at {endpoint}: start one with 'zteam-router --listen {endpoint}', "
-        "or leave --connect out"
-    )
 
 
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
@@ -206,7 +292,7 @@ def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> 
     ever."""
     reasons = Reasons(options, _LINK_PATIENCE)
     while lasts():
-        if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
+        if why := reasons.look():
             log.error("no link to the router: %s", why)
         pause(_LOOK_AGAIN)
 

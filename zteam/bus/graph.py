@@ -11,7 +11,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus.bus import MOST_SESSIONS, Bus, SessionInfo, SessionRequest
-from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.clock import monotonic, pause
 from zteam.messages import Message, type_of_encoding
@@ -21,17 +21,15 @@ SURVEY = 1.2
 """Seconds of a survey of the bus: longer than a tick and than the period of a robot's status."""
 _SETTLE = 0.3
 """Host seconds for all tokens to come: a session that was just opened may have none yet."""
-_PATIENCE = 0.5
-"""Host seconds for processes to tell their names; one that hangs is shown by its session."""
 _LIMIT = 0.5
-"""Host seconds for a session to answer."""
+"""Host seconds for processes and sessions to tell their names; one that hangs is shown by its session."""
 
 
 def find_nodes(bus: Bus) -> list[ProcessInfo]:
     """Every process that answers or has a presence token; one that does not answer has pid 0."""
     # By name too: one process may hold several, as a navigation of several robots does. `zteam tf static` holds a
     # token for the aggregator alone.
-    held = {token for token in find_tokens(bus, names.tokens_key()) if token[1] != names.STATIC_CALLER}
+    held = {token for token in find_tokens(bus, names.tokens_key("*")) if token[1] != names.STATIC_CALLER}
     infos = {(info.name, info.instance): info for info in find_processes(bus)}
     silent = [ProcessInfo(name, "does not answer", 0, 0, i) for _, name, i in held if (name, i) not in infos]
     # On a crowded machine an answer is there before its process's token.
@@ -82,10 +80,15 @@ class Graph:
     ) -> list[str]:
         """The users of a key by name, in the words of `places` where a session is among them.
 
-        A session that is no process of zteam is shown by its id.
+        A process with several names is shown by that of the robot of `key`, a session of no process of zteam by its id.
         """
-        known = {**names_of_sessions(self.processes, key), **(places or {})}
-        return [holder_text(known.get(each), each) if each else "unknown (no time stamp)" for each in sessions]
+        target, known = names.split_robot_key(key), dict[str, str]()
+        fitting = () if target is None else (names.robot_name(target[0]), names.navigation_name(target[0]))
+        for info in self.processes:
+            if info.name in fitting or info.instance not in known:
+                known[info.instance] = info.name
+        known |= places or {}
+        return [known.get(each) or f"session {each}" if each else "unknown (no time stamp)" for each in sessions]
 
     def known_keys(self, robots: Iterable[int] = ()) -> list[str]:
         """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and of these `robots`."""
@@ -103,7 +106,7 @@ def robots_of(keys: Iterable[str]) -> set[int]:
 def find_graph(bus: Bus) -> Graph:
     """All sessions but the tool's own, as they are now."""
     declarations = bus.declarations()
-    return Graph(declarations, find_processes(bus, timeout=_PATIENCE))
+    return Graph(declarations, find_processes(bus, timeout=_LIMIT))
 
 
 class Survey:

@@ -24,17 +24,12 @@ _LONGEST_GAP = 0.5
 before the cut, however long that was."""
 
 
-class _Window:
-    """The quickest messages of a while, in seconds; infinite without one."""
-
-    near = far = math.inf
-    """Of those that a link explains, and of the others."""
-
-
 class _Key:
     def __init__(self, now: float) -> None:
         self._last, self._passed = now, 0.0
-        self._newer, self._older = _Window(), _Window()
+        self._near, self._far = [math.inf, math.inf], [math.inf, math.inf]
+        """What the quickest messages of the window before and of this one took (s): of those that a link explains, and
+        of the others."""
         self._is_slow = False
         """Whether its link was slow, when last a link explained all messages of a window."""
 
@@ -43,17 +38,17 @@ class _Key:
         self._passed += min(now - self._last, _LONGEST_GAP)
         self._last = now
         if self._passed >= _WINDOW:
-            self._passed, self._older, self._newer = 0.0, self._newer, _Window()
-            if self._older.near < self._older.far == math.inf:
-                self._is_slow = self._older.near > CLOCKS_APART
-        newer, older = self._newer, self._older
-        near = min(newer.near, older.near)
+            self._passed = 0.0
+            self._near, self._far = [self._near[1], math.inf], [self._far[1], math.inf]
+            if self._near[0] < self._far[0] == math.inf:
+                self._is_slow = self._near[0] > CLOCKS_APART
+        near = min(self._near)
         if took <= _LONGEST_LINK:
-            newer.near = min(took, newer.near)
+            self._near[1] = min(took, self._near[1])
             return min(took, near, CLOCKS_APART)
-        newer.far = min(took, newer.far)
+        self._far[1] = min(took, self._far[1])
         # A link becomes slow little by little, a clock is set at once.
-        return min(near, CLOCKS_APART) if near < math.inf or self._is_slow else min(newer.far, older.far)
+        return min(near, CLOCKS_APART) if near < math.inf or self._is_slow else min(self._far)
 
 
 class Lateness:

@@ -9,12 +9,11 @@ import itertools
 import queue
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 from zteam.bus.bus import Bus
-from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.transport import (
     TIMED_OUT,
     Closeable,
@@ -25,11 +24,12 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    Transport,
     call,
     check_use,
     matches,
 )
-from zteam.clock import monotonic
+from zteam.clock import monotonic, monotonic_times
 from zteam.messages import Message
 from zteam.messages.cdr import adopt
 
@@ -43,7 +43,6 @@ class HubReceiver(NamedTuple):
 
 
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
-Forget = Callable[[Closeable], object]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
@@ -51,39 +50,31 @@ def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
         receive(news)
 
 
-class _Subscriber(NamedTuple):
+class _Entry(NamedTuple):
+    """A subscriber, a queryable or a watcher of tokens."""
+
     session: str
     key_expr: str
     receiver: HubReceiver
 
 
-class _Queryable(NamedTuple):
-    session: str
-    key: str
-    handler: QueryHandler
-    deferred: DeferredAnswers
-
-
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self, deliver: Deliver = deliver_now, timestamps: Iterator[int] | None = None) -> None:
-        """`deliver(receivers, news)` calls every receiver, in whatever thread.
-
-        `timestamps` are those of samples, if they meet samples of another bus.
-        """
+    def __init__(self, deliver: Deliver = deliver_now) -> None:
+        """`deliver(receivers, news)` calls every receiver, in whatever thread."""
         self.deliver = deliver
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
-        self.timestamps = timestamps or itertools.count(1)
-        self.subscribers: dict[int, _Subscriber] = {}
+        self.timestamps = monotonic_times()
+        """Of samples."""
+        self.subscribers: dict[int, _Entry] = {}
+        self.queryables: dict[int, _Entry] = {}
+        self.watchers: dict[int, _Entry] = {}
         self.version = 0
-        """Changes with `subscribers`."""
-        self.queryables: dict[int, _Queryable] = {}
+        """Changes with each declaration."""
         self.tokens = Counter[str]()
         """How many sessions hold each token."""
-        self.watchers: dict[int, tuple[str, str, TokenHandler]] = {}
-        """Owner, key expression and handler."""
         self.latched: dict[int, RawSample] = {}
 
     def bus(self) -> Bus:
@@ -94,10 +85,24 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def remove_subscriber(self, number: int) -> None:
+    def add(self, table: dict[int, _Entry], entry: _Entry) -> Handle:
+        """A declaration, which is in a table of the hub until it is closed."""
+        number = self.new_id()
+
+        def remove() -> None:
+            with self.lock:
+                del table[number]
+                self.version += 1
+
         with self.lock:
-            del self.subscribers[number]
+            table[number] = entry
             self.version += 1
+        return Handle(remove)
+
+    def find(self, table: dict[int, _Entry], key_expr: str, but: str | None = None) -> list[HubReceiver]:
+        """The receivers in a table for some key of `key_expr`, without those of the session `but`."""
+        with self.lock:
+            return [e.receiver for e in table.values() if e.session != but and matches(e.key_expr, key_expr)]
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -110,15 +115,11 @@ class MemoryHub:
                 del self.tokens[key]
             if alive == (before > 0):
                 return
-            told = [
-                HubReceiver(owner, partial(call, handler, key))
-                for owner, expr, handler in self.watchers.values()
-                if matches(expr, key)
-            ]
-        self.deliver(told, alive)
+            told = self.find(self.watchers, key)
+        self.deliver(told, (key, alive))
 
 
-class MemoryTransport:
+class MemoryTransport(Transport):
     """One session on a MemoryHub."""
 
     def __init__(self, hub: MemoryHub, owner: str = "", instance: str = "") -> None:
@@ -126,55 +127,45 @@ class MemoryTransport:
 
         `instance` is this session's id; empty for one that is unique on this hub.
         """
-        self._hub = hub
-        self._owner = owner
-        self.instance = instance or f"{hub.new_id():032x}"
-        self._open: dict[Closeable, None] = {}
-        """In the order in which they were declared."""
-        self._deferred = DeferredAnswers()
-        self._closed = False
+        super().__init__(instance or f"{hub.new_id():032x}")
+        self._hub, self._owner = hub, owner
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
-        check_use("publish on", key, self._closed)
+        check_use("publish on", key, self.closed)
         passed_over, source = self.instance if to_others else "", source or self.instance
-        publisher = MemoryPublisher(self._hub, key, encoding, latched, passed_over, source, self._forget)
-        self._open[publisher] = None
-        return publisher
+        return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
-        check_use("subscribe to", key_expr, self._closed)
-        hub, number, receiver = self._hub, self._hub.new_id(), HubReceiver(self._owner, handler)
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+        check_use("subscribe to", key_expr, self.closed)
+        hub, receiver = self._hub, HubReceiver(self._owner, handler)
         with hub.lock:
-            hub.subscribers[number] = _Subscriber(self.instance, key_expr, receiver)
-            hub.version += 1
+            subscriber = self._add(hub.subscribers, key_expr, receiver)
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
-        return self._keep(lambda: hub.remove_subscriber(number))
+        return subscriber
+
+    def _add(self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver) -> Closeable:
+        return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver)))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        check_use("serve", key, self._closed)
-        number = self._hub.new_id()
-        self._hub.queryables[number] = _Queryable(self.instance, key, handler, self._deferred)
-        return self._keep(lambda: self._hub.queryables.pop(number, None))
+        check_use("serve", key, self.closed)
+
+        def receive(query: tuple[str, bytes, Callable[[Reply], object]]) -> None:
+            asked, payload, send = query
+            self._answers.answer(key, partial(handler, asked, payload), send)
+
+        return self._add(self._hub.queryables, key, HubReceiver(self._owner, receive))
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
-        check_use("ask", key_expr, self._closed)
+        check_use("ask", key_expr, self.closed)
         end = monotonic() + timeout
         come: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        passed_over = self.instance if to_others else None
-        served = list(self._hub.queryables.values())
-        asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
-        for queryable in asked:
-            answer = make_answer(queryable.key, partial(queryable.handler, key_expr, payload))
-            if isinstance(answer, Reply):
-                come.put(answer)
-            else:
-                queryable.deferred.start(queryable.key, answer, come.put)
+        asked = self._hub.find(self._hub.queryables, key_expr, self.instance if to_others else None)
+        # On the asker's own thread.
+        deliver_now(asked, (key_expr, payload, come.put))
         replies: list[Reply] = []
         for _ in asked:
             try:
@@ -184,60 +175,41 @@ class MemoryTransport:
         return replies
 
     def declare_token(self, key: str) -> Closeable:
-        check_use("declare the token", key, self._closed)
+        check_use("declare the token", key, self.closed)
         self._hub.change_token(key, 1)
-        return self._keep(lambda: self._hub.change_token(key, -1))
+        return self._keep(Handle(lambda: self._hub.change_token(key, -1)))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        check_use("watch", key_expr, self._closed)
-        hub, number = self._hub, self._hub.new_id()
+        check_use("watch", key_expr, self.closed)
+        hub, receiver = self._hub, HubReceiver(self._owner, lambda news: call(handler, *news))
         with hub.lock:
-            hub.watchers[number] = self._owner, key_expr, handler
+            watch = self._add(hub.watchers, key_expr, receiver)
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
-            hub.deliver([HubReceiver(self._owner, partial(call, handler, key))], True)
-        return self._keep(lambda: hub.watchers.pop(number, None))
-
-    def watch_link(self, handler: Callable[[bool], None]) -> None:
-        """The link to a hub is never lost, so `handler` is never called."""
-
-    def close(self) -> None:
-        self._closed = True
-        for handle in list(self._open):
-            handle.close()
-
-    def _keep(self, close: Callable[[], object]) -> Closeable:
-        handle = Handle(lambda: self._forget(handle), close)
-        self._open[handle] = None
-        return handle
-
-    def _forget(self, handle: Closeable) -> None:
-        self._open.pop(handle, None)
+            hub.deliver([receiver], (key, True))
+        return watch
 
 
-class MemoryPublisher:
+class MemoryPublisher(Handle):
     """Publishes on one key of a hub."""
 
-    def __init__(
-        self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str, forget: Forget
-    ) -> None:
-        """The session `passed_over` gets nothing. `source` is the session id that its samples carry. `forget` is called
-        at its end."""
+    def __init__(self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str) -> None:
+        """The session `passed_over` gets nothing. `source` is the session id that its samples carry."""
+        super().__init__(self._end)
         self._hub, self._number = hub, hub.new_id()
         self._key, self._encoding, self._latched = key, encoding, latched
-        self._passed_over, self._source, self._forget = passed_over, source, forget
+        self._passed_over, self._source = passed_over, source
         self._closed = False
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
 
     def _receivers(self) -> list[HubReceiver]:
         version, receivers = self._matching
-        hub, but = self._hub, self._passed_over
+        hub = self._hub
         if version != hub.version:
             with hub.lock:
-                found = [s for s in hub.subscribers.values() if s.session != but and matches(s.key_expr, self._key)]
                 # Set at once: another thread may look in between.
-                self._matching = _, receivers = hub.version, [subscriber.receiver for subscriber in found]
+                self._matching = _, receivers = hub.version, hub.find(hub.subscribers, self._key, self._passed_over)
         return receivers
 
     @property
@@ -262,8 +234,7 @@ class MemoryPublisher:
     def _sample(self, content: bytes | Message) -> RawSample:
         return RawSample(self._key, content, self._encoding, next(self._hub.timestamps), self._source)
 
-    def close(self) -> None:
+    def _end(self) -> None:
         with self._hub.lock:
             self._closed = True
             self._hub.latched.pop(self._number, None)
-        self._forget(self)

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import msgspec
 import zenoh
 
+from zteam.bus.transport import MAX_PAYLOAD, first_line
 from zteam.clock import HOST_FACTOR, PATIENCE_BOUNDS
 from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError, printable
@@ -140,7 +141,7 @@ class BusOptions(msgspec.Struct, frozen=True):
         # `clock` has made HOST_FACTOR of it.
         _number_from("ZTEAM_PATIENCE", *PATIENCE_BOUNDS, "a factor")
         tls = TlsFiles.from_environment()
-        give_up = give_up_from_environment()
+        give_up = _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
         return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
@@ -192,11 +193,6 @@ class Owner(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         return printable(f"user {self.user}" if self.user else f"user id {self.uid}")
-
-
-def give_up_from_environment() -> float | None:
-    """What ZTEAM_GIVE_UP says. Raises UsageError."""
-    return _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
 
 
 def _number_from(variable: str, least: float, most: float, what: str) -> float | None:
@@ -289,17 +285,14 @@ def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
     try:
         built = zenoh.Config() if config is None else zenoh.Config.from_file(config)
     except zenoh.ZError as error:
-        raise UsageError(f"--config {config}: {str(error).splitlines()[0]}") from None
+        raise UsageError(f"--config {config}: {first_line(error)}") from None
     for key, value in settings.items():
         try:
             built.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise UsageError(f"Zenoh does not take {key} = {value!r}: {str(error).splitlines()[0]}") from None
+            raise UsageError(f"Zenoh does not take {key} = {value!r}: {first_line(error)}") from None
     return built
 
-
-_MAX_MESSAGE = 65 * 1024 * 1024
-"""Bytes of a message: a little more than MAX_PAYLOAD of `transport.py`, which the router does not import."""
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -309,8 +302,8 @@ _COMMON: dict[str, Any] = {
     # The default of 2 batches loses messages in bursts; 16 lost none in 76,000 ticks of 20 robots.
     "transport/link/tx/queue/size/data": 16,
     # A larger one is refused anyway; the default of 1 GB would be held in memory first.
-    "transport/link/rx/max_message_size": _MAX_MESSAGE,
-    # Zenoh's own time stamps need clocks that agree (`stamps.py`).
+    "transport/link/rx/max_message_size": MAX_PAYLOAD + 2**20,
+    # Zenoh's own time stamps need clocks that agree (`stamping_as`).
     "timestamping/enabled": False,
 }
 
@@ -340,30 +333,9 @@ def client_config(options: BusOptions) -> zenoh.Config:
     return _build(options.config, settings)
 
 
-_NEVER_BLOCK = [
-    {
-        "id": "never_block",
-        "messages": ["put", "delete"],
-        "key_exprs": ["**"],
-        "flows": ["ingress"],
-        "overwrite": {"congestion_control": "drop"},
-    }
-]
-"""What a sender marks with BLOCK would hold a thread of the router until the slowest receiver has room, and with it the
-messages and signs of life of all sessions."""
-
-
-_NO_LARGE_ONES = [
-    {
-        "id": "no_large_ones",
-        "messages": ["put"],
-        "key_exprs": list(KEYS_WITHOUT_MAPS),
-        "flows": ["ingress"],
-        "size_limit": 16 * 1024 * 1024,
-    }
-]
-"""Bytes of a message on a key that carries no map: an image of 1920 x 1080 has 6 MB. Receivers would hold the pieces
-of a larger one until the last has come."""
+def _rule(name: str, messages: list[str], key_exprs: list[str], **action: object) -> list[dict[str, object]]:
+    """For messages that come to a router on some keys."""
+    return [{"id": name, "messages": messages, "key_exprs": key_exprs, "flows": ["ingress"], **action}]
 
 
 class RouterOptions(msgspec.Struct, frozen=True):
@@ -403,8 +375,12 @@ def router_config(options: RouterOptions) -> zenoh.Config:
             "transport/unicast/open_timeout": 700,
             # With the default of 100, a few hundred connections that say nothing keep all others out.
             "transport/unicast/accept_pending": 1000,
-            "qos/network": _NEVER_BLOCK,
-            "low_pass_filter": _NO_LARGE_ONES,
+            # What a sender marks with BLOCK would hold a thread of the router until the slowest receiver has room, and
+            # with it the messages and signs of life of all sessions.
+            "qos/network": _rule("never_block", ["put", "delete"], ["**"], overwrite={"congestion_control": "drop"}),
+            # On keys that carry no map: an image of 1920 x 1080 has 6 MB. Receivers would hold the pieces of a larger
+            # message until the last has come.
+            "low_pass_filter": _rule("no_large_ones", ["put"], [*KEYS_WITHOUT_MAPS], size_limit=16 * 1024 * 1024),
             "adminspace/enabled": True,
             "metadata": {
                 "name": "zteam-router",

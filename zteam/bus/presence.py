@@ -8,14 +8,13 @@ Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in non
 import os
 import socket
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Annotated
 
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus
-from zteam.bus.queries import NoRequest
+from zteam.bus.bus import Bus, NoRequest
 from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
@@ -53,22 +52,6 @@ class ProcessInfo(msgspec.Struct):
     def is_older(self, start: int, instance: str) -> bool:
         """Whether of this process and another one this one keeps the name."""
         return (self.start, self.instance) < (start, instance)
-
-
-def holder_text(name: str | None, session: str) -> str:
-    """What people read for a session: the process that holds it, or the session's id where no process is known."""
-    return name or f"session {session}"
-
-
-def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[str, str]:
-    """The name of each session; of one that holds several names, that of the robot of `key` if it is a robot's."""
-    target = names.split_robot_key(key)
-    fitting = () if target is None else (names.robot_name(target[0]), names.navigation_name(target[0]))
-    found: dict[str, str] = {}
-    for info in processes:
-        if info.name in fitting or info.instance not in found:
-            found[info.instance] = info.name
-    return found
 
 
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
@@ -177,14 +160,13 @@ class Claim:
         found = find_processes(self._bus, self.name, timeout=1.0)
         return [info for info in found if info.instance != self._bus.instance]
 
-    @property
     def _must_meet(self) -> bool:
         """Whether there is something to do about other tokens of the name (under `_changed`)."""
         return bool(self._unmet or self._has_lost) and self._token is not None and not self._released
 
     def _meet_aside(self) -> None:
         """Under `_changed`."""
-        if self._must_meet and self._meeting is None:
+        if self._must_meet() and self._meeting is None:
             self._meeting = threading.Thread(target=self._meet_rivals, name="rival", daemon=True)
             self._meeting.start()
 
@@ -195,7 +177,7 @@ class Claim:
         """
         while True:
             with self._changed:
-                if not self._must_meet:
+                if not self._must_meet():
                     self._meeting = None
                     return
                 if self._has_lost:

@@ -59,14 +59,15 @@ def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
     return last._replace(time=now, reason=reason)
 
 
-class Counters:
-    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason.
+class Receiver:
+    """Makes the transport's handlers of typed callbacks, and counts what they receive and drop, from any thread.
 
-    Robots of which every message was dropped count as one key.
+    Drops of a key are warned about at most once a second, and ever less often for one reason. Robots of which every
+    message was dropped count as one key.
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
 
@@ -74,12 +75,15 @@ class Counters:
         """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
         not interrupt an addition."""
         with self._lock:
-            return self._count(key)
+            count = self._counts.get(key)
+            if count is None:
+                count = self._counts.setdefault(key if len(self._counts) < MAX_KEYS else OTHER, KeyCount())
+            return count
 
     def drop(self, key: str, why: str) -> None:
         """One message was refused; say why."""
         with self._lock:
-            count = self._count(key)
+            count = self.of(key)
             count.dropped += 1
             places, target = [key if key in self._counts else OTHER], split_robot_key(key)
             if target is not None and count.received <= count.dropped:
@@ -102,26 +106,13 @@ class Counters:
             return KeyCount(count.received, count.dropped)
         return KeyCount(count.received, count.dropped, round(monotonic() - last.time, 3), last.reason)
 
-    def _count(self, key: str) -> KeyCount:
-        count = self._counts.get(key)
-        if count is None:
-            count = self._counts.setdefault(key if len(self._counts) < MAX_KEYS else OTHER, KeyCount())
-        return count
-
-
-class Receiver:
-    """Makes the transport's handlers of typed callbacks; samples that are refused are counted as dropped."""
-
-    def __init__(self, counters: Counters) -> None:
-        self._counters = counters
-
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
         if self._refuse(sample, message_type):
             return None
         message = self._read(sample, message_type)
         if message is not None:
-            self._counters.of(sample.key).received += 1
+            self.of(sample.key).received += 1
         return message
 
     def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
@@ -130,7 +121,7 @@ class Receiver:
         try:
             return decode(message_type, sample.payload)
         except DecodeError as error:
-            self._counters.drop(sample.key, str(error))
+            self.drop(sample.key, str(error))
             return None
 
     def messages(
@@ -144,33 +135,27 @@ class Receiver:
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        With `latched`, not for a message that comes again, and not for one that another of its key hides (`Sent`). A
-        sample with which `problem` finds one is dropped.
+        With `latched`, not for one that another of its key hides (`Sent`). A sample with which `problem` finds one is
+        dropped.
         """
         due = encoding_of(message_type)
-        newest: dict[str, tuple[Sent, str]] = {}
-        """Of latched keys: when the last message that counts was sent, and by which session."""
+        newest: dict[str, Sent] = {}
+        """Of latched keys: when the last message that counts was sent."""
         known: dict[str, KeyCount] = {}
         """By key: what comes on it again, of the due type, needs no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
             key = sample.key
-            if latched and key in newest:
-                (last, source), sent = newest[key], sample.sent(monotonic())
-                if 0 < last.stamp == sent.stamp and source == sample.source:
-                    # It comes again, after a loss of the router, perhaps with older ones of others.
-                    newest[key] = sent, source
-                    return
-                if last.hides(sent):
-                    return
+            if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
+                return
             if problem is not None and (why := problem(sample)):
-                self._counters.drop(key, why)
+                self.drop(key, why)
                 return
             count = known.get(key)
             if count is None or sample.encoding != due:
                 if self._refuse(sample, message_type):
                     return
-                count = self._counters.of(key)
+                count = self.of(key)
                 if len(known) < MAX_KEYS:
                     known[key] = count
             content = sample.content
@@ -179,38 +164,26 @@ class Receiver:
                 return
             count.received += 1
             if latched and (key in newest or len(newest) < MAX_KEYS):
-                newest[key] = sample.sent(monotonic()), sample.source
+                newest[key] = sample.sent(monotonic())
             if with_source:
                 callback(key, message, sample.source)
             else:
                 callback(key, message)
 
-        return self.guarded(handle)
+        return self.samples(handle)
 
-    def contents(self, message_type: type[M], callback: Callable[[str, bytes | M], None]) -> SampleHandler:
-        """Calls `callback(key, content)`, which may raise DecodeError."""
-
-        def handle(sample: RawSample) -> None:
-            if self._refuse(sample, message_type):
-                return
-            content = sample.content
-            try:
-                callback(sample.key, content if isinstance(content, message_type) else sample.payload)
-            except DecodeError as error:
-                self._counters.drop(sample.key, str(error))
-                return
-            self._counters.of(sample.key).received += 1
-
-        return self.guarded(handle)
-
-    def guarded(self, callback: Callable[[RawSample], object]) -> SampleHandler:
-        """Calls `callback(sample)` for samples of a permitted size, and logs its exceptions."""
+    def samples(self, callback: Callable[[RawSample], object], only: type[Message] | None = None) -> SampleHandler:
+        """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
             # A message without bytes is a small one.
             if type(sample.content) is bytes and (problem := size_problem(sample.content)):
-                self._counters.drop(sample.key, problem)
+                self.drop(sample.key, problem)
                 return
+            if only is not None:
+                if self._refuse(sample, only):
+                    return
+                self.of(sample.key).received += 1
             try:
                 callback(sample)
             except Exception:
@@ -223,11 +196,11 @@ class Receiver:
         """Whether a sample is no message of this type on one key, whatever it holds; it is then counted as dropped."""
         key = sample.key
         if is_wildcard(key):
-            self._counters.drop(key, "its key is a wildcard, not the name of one topic")
+            self.drop(key, "its key is a wildcard, not the name of one topic")
             return True
         encoding = sample.encoding
         if encoding != encoding_of(message_type) and encoding.startswith(_CDR):
             given, due = encoding.removeprefix(_CDR), message_type.ros_type
-            self._counters.drop(key, f"wrong type: it is {given}, {due} is due")
+            self.drop(key, f"wrong type: it is {given}, {due} is due")
             return True
         return False

@@ -79,10 +79,10 @@ class RightCheck:
                 self._known.add(use)
                 self._begin([use])
 
-    def check_again(self, uses: Iterable[Use]) -> None:
-        """As `check_later`, also of what was looked at before: the router has new settings, perhaps."""
+    def check_again(self, up: bool) -> None:
+        """With the link `up`, look at all uses again: the router has new settings, perhaps."""
         with self._changed:
-            self._begin([use for use in uses if use in self._known])
+            self._begin(self._known if up else ())
 
     def _begin(self, uses: Iterable[Use]) -> None:
         self._waiting += uses
@@ -159,8 +159,7 @@ class RightCheck:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-            thread = self._thread
-        let_end(thread)
+        let_end(self._thread)
 
 
 def _sees(session: zenoh.Session, token: str) -> bool:

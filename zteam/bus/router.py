@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import msgspec
 import zenoh
@@ -27,8 +27,9 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.sockets import LinkCount, limit_silence
+from zteam.bus.transport import decode_json, first_line
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, DecodeError, UsageError
 from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
 
 log = logging.getLogger("zteam.router")
@@ -51,12 +52,6 @@ _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
 """Before a router that was closed for new settings gives up."""
-_UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
-"""What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
-_MOST = 1 << 26
-"""Bytes of it that are decoded."""
-
-T = TypeVar("T")
 
 
 class RouterMetadata(msgspec.Struct):
@@ -86,13 +81,6 @@ class PortInUseError(BusError):
     """Another process listens where a router was to listen."""
 
 
-class RouterLink(msgspec.Struct):
-    """A connection of a session."""
-
-    dst: str = ""
-    """The session's end, such as tcp/127.0.0.1:33004."""
-
-
 class RouterSession(msgspec.Struct):
     """A session at a router."""
 
@@ -100,32 +88,18 @@ class RouterSession(msgspec.Struct):
     """Its id."""
     whatami: str = ""
     """client, peer or router."""
-    links: list[RouterLink] = msgspec.field(default_factory=list)
+    links: list[dict[str, Any]] = []
+    """With the session's end as `dst`, such as tcp/127.0.0.1:33004."""
 
 
 class RouterRecord(msgspec.Struct):
     """What a router says of itself in Zenoh's admin space; one that is not zteam's has no metadata."""
 
     zid: str = ""
-    locators: list[str] = msgspec.field(default_factory=list)
+    locators: list[str] = []
     metadata: RouterMetadata | None = None
     version: str = ""
-    sessions: list[RouterSession] = msgspec.field(default_factory=list)
-
-
-_RECORD, _REQUEST = msgspec.json.Decoder(RouterRecord), msgspec.json.Decoder(ReleaseRequest)
-"""Made before there are threads: msgspec 0.22 crashes if two use a type for the first time at once."""
-
-
-def _decode(decoder: msgspec.json.Decoder[T], payload: bytes, what: str) -> T | None:
-    """What others have sent; None if it cannot be read."""
-    try:
-        if len(payload) > _MOST:
-            raise msgspec.DecodeError(f"its {len(payload)} bytes are more than {_MOST}")
-        return decoder.decode(payload)
-    except _UNREADABLE as error:
-        log.debug("%s: %s", what, error)
-    return None
+    sessions: list[RouterSession] = []
 
 
 def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None:
@@ -134,9 +108,8 @@ def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None
     for zid in [router] if router else session.info.routers_zid():
         for reply in session.get(f"@/{zid}/router", timeout=1.0):
             if reply.ok is not None:
-                record = _decode(_RECORD, reply.ok.payload.to_bytes(), "admin space")
-                if record is not None:
-                    return record
+                with suppress(DecodeError):
+                    return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
     return None
 
 
@@ -167,15 +140,11 @@ class Router:
 
             if fault := own_fault(options.tls, routes=True):
                 raise BusError(fault)
-        self._file, self._lease = options.config, options.lease
         self._version = _version_of(options.config)
         self._config = router_config(options)
         self._links = LinkCount()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
-        self._idle_exit = options.idle_exit
-        self._questions: list[zenoh.Query] = []
-        """For the port, without an answer."""
         self._heirs: set[str] = set()
         """Sessions of those that were promised the port."""
         self._options = options
@@ -188,34 +157,32 @@ class Router:
         listen = tuple(_find_endpoint(e, locators) if e.endswith(":0") else e for e in options.listen)
         self._options = msgspec.structs.replace(options, listen=listen)
         self._note = _state_file(self.endpoint, _NOTE)
-        try:
+        # Without a note it is found by its endpoint only.
+        with suppress(OSError):
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
-        except OSError as error:
-            log.debug("the router is found by its endpoint only: %s", error)
 
     def _open(self, config: zenoh.Config) -> zenoh.Session:
         """A session that routes and counts its clients. Raises BusError."""
         try:
             session = open_session(config, "router")
         except zenoh.ZError as error:
-            text, places = str(error), ", ".join(self._options.listen)
-            if "Address already in use" in text:
+            places = ", ".join(self._options.listen)
+            if "Address already in use" in str(error):
                 raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
-            # What follows is the line in Zenoh's own source.
-            raise BusError(f"cannot listen at {places}: {text.splitlines()[0].partition(' at /')[0]}") from None
+            raise BusError(f"cannot listen at {places}: {first_line(error)}") from None
         with self._changed:
             # The ends of the last session's links may be told later.
             self._links = links = LinkCount()
             self._idle_since = monotonic()
         on_transport = partial(self._on_transport, links)
         self._events = session.info.declare_transport_events_listener(on_transport, history=True)
-        self._silence = limit_silence(session, self._lease)
-        if self._idle_exit is not None:
-            callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
-            session.declare_queryable(RELEASE, callback)
+        self._silence = limit_silence(session, self._options.lease)
+        if self._options.idle_exit is not None:
+            # On a thread of its own: an answer may wait for Zenoh's.
+            session.declare_queryable(RELEASE, self._answer)
         return session
 
     def _take_changed_file(self) -> None:
@@ -224,7 +191,8 @@ class Router:
         Zenoh applies an access control when it opens, and only so is a certificate that was taken back out. A file
         that Zenoh does not take changes nothing.
         """
-        version = _version_of(self._file)
+        file = self._options.config
+        version = _version_of(file)
         if version == self._version:
             return
         self._version = version
@@ -237,10 +205,10 @@ class Router:
         try:
             self._session, self._config = self._open(config), config
         except BusError as error:
-            log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
+            log.error("--config %s: %s; the router keeps the settings it had", file, error)
             self._session = self._open_again()
         else:
-            log.info("%s has changed: the router has taken it and opened all links again", self._file)
+            log.info("%s has changed: the router has taken it and opened all links again", file)
 
     def _open_again(self) -> zenoh.Session:
         """With the settings it had. Its certificate may be about to be replaced, and its key fit in a moment only."""
@@ -259,22 +227,20 @@ class Router:
                 self._idle_since = monotonic()
             self._changed.notify_all()
 
-    def _on_release(self, query: zenoh.Query) -> None:
-        # `run` answers: a look at the tokens would wait for this very thread of Zenoh.
-        with self._changed:
-            self._questions.append(query)
-            self._changed.notify_all()
-
     def _answer(self, query: zenoh.Query) -> None:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
-        request = _decode(_REQUEST, query.payload.to_bytes() if query.payload else b"", "question for the port")
-        with query:
-            promised = None if request is None else self._promise(request)
+        promised = None
+        # The session may be closed meanwhile.
+        with suppress(zenoh.ZError), query:
+            with suppress(DecodeError):
+                request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
+                promised = self._promise(request)
             query.reply(RELEASE, msgspec.json.encode(promised))
-        if request is not None and promised is not None:
+        if promised is not None:
             with self._changed:
                 self._heirs.add(request.session)
+                self._changed.notify_all()
 
     def _promise(self, request: ReleaseRequest) -> list[str] | None:
         """The sessions that will want another router; None if this one keeps the port."""
@@ -296,10 +262,11 @@ class Router:
         if self._heirs:
             # Not before the answers have arrived.
             return ("" if self._heirs & self._links.sessions else "a team's router gets its port"), None
-        if self._idle_exit is None or self._links.sessions:
+        idle_exit = self._options.idle_exit
+        if idle_exit is None or self._links.sessions:
             return "", None
-        left = self._idle_since + self._idle_exit - monotonic()
-        return (f"no client for {self._idle_exit:g} s" if left <= 0 else ""), left
+        left = self._idle_since + idle_exit - monotonic()
+        return (f"no client for {idle_exit:g} s" if left <= 0 else ""), left
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Route until `stopping()`, checked when `wake` is called; one on demand also until no client was there for its
@@ -312,16 +279,9 @@ class Router:
                 if reason:
                     log.info("the router ends: %s", reason)
                     return
-                if self._file is not None:
-                    left = _CONFIG_PERIOD if left is None else min(_CONFIG_PERIOD, left)
-                if not self._questions:
-                    self._changed.wait(left)
-                questions, self._questions = self._questions, []
+                self._changed.wait(left if self._options.config is None else _CONFIG_PERIOD)
             # Without the lock: closing a session ends links, which `_on_transport` counts.
-            for question in questions:
-                self._answer(question)
-            if self._file is not None:
-                self._take_changed_file()
+            self._take_changed_file()
 
     def wait_for(self, sessions: Sequence[str]) -> None:
         """Wait until these sessions are clients, for a moment at most: one may be frozen."""
@@ -333,10 +293,8 @@ class Router:
             self._changed.notify_all()
 
     def close(self) -> None:
-        try:
-            self._note.unlink(missing_ok=True)
-        except OSError as error:
-            log.debug("%s", error)
+        with suppress(OSError):
+            self._note.unlink()
         self._session.close()  # type: ignore[no-untyped-call]
 
 
@@ -366,7 +324,7 @@ def find_strangers(options: BusOptions) -> list[str]:
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
     return [
-        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
+        ", ".join([f"session {each.peer}", *(str(link.get("dst")) for link in each.links)])
         for each in (record.sessions if record else [])
         if each.peer not in known and each.whatami != "router"
     ]
@@ -432,10 +390,11 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
             return []
         if record is None or record.metadata is None or not record.metadata.on_demand:
             return None
-        for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
-            with suppress(*_UNREADABLE):
-                if reply.ok is not None:
-                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
+        replies = session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0)
+        if answers := [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]:
+            with suppress(DecodeError):
+                return decode_json(answers[0], list[str])
+            return None
         pause(_ASK_AGAIN)
     return None
 
@@ -456,15 +415,13 @@ def find_local_routers() -> list[str]:
     """The endpoints of this user's routers on this machine, sorted. Each has noted its own in the state folder."""
     found = []
     for note in _state_file("", _NOTE).parent.glob(f"router-*.{_NOTE}"):
-        try:
+        with suppress(OSError):
             endpoint = note.read_text()
             if port_accepts(endpoint):
                 found.append(endpoint)
             else:
                 # It was killed.
                 note.unlink()
-        except OSError as error:
-            log.debug("%s: %s", note, error)
     return sorted(found)
 
 

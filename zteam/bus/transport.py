@@ -2,20 +2,27 @@
 
 import logging
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 import msgspec
 import zenoh
 
 from zteam.clock import Sent
-from zteam.errors import BusError
-from zteam.messages import Message, encode
+from zteam.errors import BusError, DecodeError, ZteamError
 
+if TYPE_CHECKING:
+    # The router needs neither messages nor numpy, and starts twice as fast without them.
+    from zteam.messages import Message
+
+T = TypeVar("T")
 log = logging.getLogger("zteam.bus")
 
 MAX_PAYLOAD = 64 * 1024 * 1024
 """Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. Larger ones are not decoded."""
+MAX_DEFERRED = 64
+"""Answers of a session that take their time at once; each has a thread."""
 _LAST_CALL = 0.3
 """Host seconds that the end of a session waits for what a thread has begun."""
 
@@ -23,6 +30,27 @@ _LAST_CALL = 0.3
 def size_problem(payload: bytes) -> str:
     """Why a payload is too large to be decoded; empty if it is not."""
     return f"its {len(payload)} bytes are more than {MAX_PAYLOAD}" if len(payload) > MAX_PAYLOAD else ""
+
+
+_DECODERS: dict[Any, msgspec.json.Decoder[Any]] = {}
+"""By type. msgspec 0.22 crashes if two threads use a type for the first time at once, so they are made under a lock."""
+_MAKING = threading.Lock()
+
+
+def decode_json(payload: bytes, kind: type[T]) -> T:
+    """A request or an answer. Raises DecodeError."""
+    if problem := size_problem(payload):
+        raise DecodeError(problem)
+    with _MAKING:
+        if kind not in _DECODERS:
+            _DECODERS[kind] = msgspec.json.Decoder(kind)
+    try:
+        decoded: T = _DECODERS[kind].decode(payload)
+        return decoded
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise DecodeError(str(error)) from None
+    except RecursionError:
+        raise DecodeError("it is nested too deeply") from None
 
 
 def first_line(error: zenoh.ZError) -> str:
@@ -74,7 +102,7 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     """One message as it came."""
 
     key: str
-    content: bytes | Message
+    content: "bytes | Message"
     """Its bytes; within one process the message itself, which is not to be changed."""
     encoding: str
     """`application/cdr;sensor_msgs/msg/LaserScan`; empty where the sender named none."""
@@ -94,8 +122,11 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     @property
     def payload(self) -> bytes:
         """Its bytes, which are made now if it has none."""
-        content = self.content
-        return content if isinstance(content, bytes) else encode(content)
+        if isinstance(self.content, bytes):
+            return self.content
+        from zteam.messages import encode
+
+        return encode(self.content)
 
 
 class Reply(NamedTuple):
@@ -135,13 +166,16 @@ class Handle:
     """A declaration that is taken back by these calls, in order and once."""
 
     def __init__(self, *calls: Callable[[], object]) -> None:
-        self._calls = calls
+        self.calls = calls
 
     def close(self) -> None:
         """Take it back; a second call does nothing."""
-        calls, self._calls = self._calls, ()
+        calls, self.calls = self.calls, ()
         for each in calls:
             each()
+
+
+H = TypeVar("H", bound=Handle)
 
 
 class Held(Generic[C]):
@@ -184,36 +218,6 @@ class Held(Generic[C]):
                 self._handle.close()
 
 
-class Holding:
-    """Opens publishers and queries at once, or at the `release` after a `begin`.
-
-    A process opens nothing before it holds its name: other sessions see nothing of it until then.
-    """
-
-    def __init__(self) -> None:
-        self._waiting: list[Callable[[], None]] | None = None
-        self._lock = threading.Lock()
-
-    def begin(self) -> None:
-        """From now on declarations wait. Messages are dropped; of a latched publisher the release sends the last."""
-        self._waiting = []
-
-    def release(self) -> None:
-        """Open what waits, in the order in which it came."""
-        with self._lock:
-            waiting, self._waiting = self._waiting, None
-        for open_now in waiting or ():
-            open_now()
-
-    def open(self, declared: Held[C]) -> None:
-        """Open it now, or at the release."""
-        with self._lock:
-            if self._waiting is not None:
-                self._waiting.append(declared.open)
-                return
-        declared.open()
-
-
 class RawPublisher(Closeable, Protocol):
     """Publishes on one key."""
 
@@ -221,7 +225,7 @@ class RawPublisher(Closeable, Protocol):
     def has_subscribers(self) -> bool:
         """Whether a message put now has a subscriber; always True for a latched publisher, False once closed."""
 
-    def put(self, content: bytes | Message) -> None:
+    def put(self, content: "bytes | Message") -> None:
         """Send without waiting: what finds no room is dropped. Raises EncodeError.
 
         A message is the transport's from now on (`Publisher.put_owned`).
@@ -229,22 +233,73 @@ class RawPublisher(Closeable, Protocol):
 
 
 SampleHandler = Callable[[RawSample], None]
-QueryHandler = Callable[[str, bytes], bytes | Callable[[], bytes]]
-"""Answers a query, of which it gets the key expression that was asked and the payload: at once, or with a call that may
-take its time."""
+Finish = Callable[[], bytes]
+"""Makes an answer, and may take its time."""
+QueryHandler = Callable[[str, bytes], bytes | Finish]
+"""Answers a query, of which it gets the key expression that was asked and the payload."""
 TokenHandler = Callable[[str, bool], None]
 
 
-class Transport(Protocol):
-    """Sessions, in the words of Zenoh. Handlers are called from the transport's threads and must be quick.
+class Answers:
+    """The answers of one session to queries."""
+
+    def __init__(self) -> None:
+        self._free = threading.BoundedSemaphore(MAX_DEFERRED)
+
+    def answer(self, key: str, make: Callable[[], bytes | Finish], send: Callable[[Reply], object]) -> None:
+        """Send what `make()` returns. What takes its time is finished on a new thread, unless too many are at work.
+
+        The text of a ZteamError goes to the asker as it is. Any other exception is a fault: it is logged here, and the
+        asker gets its type and text.
+        """
+        try:
+            made = make()
+        except ZteamError as error:
+            send(error_reply(str(error)))
+        except Exception as error:
+            log.exception("error while answering the query %s", key)
+            send(error_reply(f"{type(error).__name__}: {error}"))
+        else:
+            if isinstance(made, bytes):
+                send(Reply(key, made, False))
+            elif self._free.acquire(blocking=False):
+                threading.Thread(target=self._finish, args=(key, made, send), name="answer", daemon=True).start()
+            else:
+                send(error_reply(f"more than {MAX_DEFERRED} queries are waiting: ask again later"))
+
+    def _finish(self, key: str, finish: Finish, send: Callable[[Reply], object]) -> None:
+        try:
+            self.answer(key, finish, send)
+        finally:
+            self._free.release()
+
+
+def error_reply(text: str) -> Reply:
+    """A reply that carries an error; as in Zenoh, it has no key."""
+    return Reply("", text.encode(), True)
+
+
+class Transport(ABC):
+    """A session, in the words of Zenoh. Handlers are called from the transport's threads and must be quick.
 
     After `close`, declarations and `get` raise BusError; so does a key that is no key expression.
     """
 
-    @property
-    def instance(self) -> str:
+    def __init__(self, instance: str) -> None:
+        self.instance = instance
         """This session's id, unique among all sessions."""
+        self.closed = False
+        self._open: dict[Handle, None] = {}
+        """In the order in which they were declared."""
+        self._answers = Answers()
 
+    def _keep(self, handle: H) -> H:
+        """A declaration that is closed with the session, if it is not before."""
+        self._open[handle] = None
+        handle.calls = lambda: self._open.pop(handle, None), *handle.calls
+        return handle
+
+    @abstractmethod
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
@@ -254,34 +309,37 @@ class Transport(Protocol):
         carry, if it is not this session's.
         """
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    @abstractmethod
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         """A subscriber; a latched one also gets what was put before it came.
 
         Without `stamped`, samples have neither time nor source: reading those takes as long as the rest.
         """
 
+    @abstractmethod
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        """Answer queries on `key`; what `handler` raises goes to the asker as an error text.
+        """Answer queries on `key`; what `handler` raises goes to the asker as an error text."""
 
-        An answer that takes its time is made on a thread of its own.
-        """
-
+    @abstractmethod
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         """Ask and wait for all answers, `timeout` seconds at most; then one of them is TIMED_OUT.
 
         With `to_others` the own session is not asked.
         """
 
+    @abstractmethod
     def declare_token(self, key: str) -> Closeable:
         """A token that lives as long as this session."""
 
+    @abstractmethod
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
 
-    def watch_link(self, handler: Callable[[bool], None]) -> None:
-        """Call `handler(up)` when the link to the router is lost or back."""
+    def watch_link(self, handler: Callable[[bool], None]) -> None:  # noqa: B027
+        """Call `handler(up)` when the link to the router is lost or back; without a router it never is."""
 
     def close(self) -> None:
         """Undeclare everything and end the session; a second call does nothing."""
+        self.closed = True
+        for declared in list(self._open):
+            declared.close()

@@ -17,10 +17,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
-from zteam.bus.options import ROUTER_ANSWER
-from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.stamps import read_stamp, stamping_as
 from zteam.bus.transport import (
     TIMED_OUT,
     Closeable,
@@ -31,12 +28,13 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    Transport,
     call,
     check_use,
     first_line,
     let_end,
 )
-from zteam.clock import monotonic, pause
+from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 from zteam.names import fixed_part, latched_tokens_key
@@ -53,8 +51,6 @@ _CACHE = zenoh.ext.CacheConfig(1)
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
-LOOK_PERIOD = 30.0
-"""Host seconds without news after which all tokens are looked at."""
 _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LATCHED_TIMEOUT = 10.0
@@ -84,20 +80,15 @@ class Aside:
     wait for them, and each costs a process 40 KB.
     """
 
-    def __init__(self, period: float | None = None, on_idle: Callable[[], None] = lambda: None) -> None:
-        """Each time nothing has come for `period` host seconds, `on_idle()` is called on the thread."""
-        self._period, self._on_idle = period, on_idle
+    def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="bus", daemon=True)
         self._thread.start()
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
-
-        def put(event: T) -> None:
-            self._waiting.put(partial(call, handler, event))
-
-        return zenoh.handlers.Callback(put, indirect=False)
+        waiting = self._waiting
+        return zenoh.handlers.Callback(lambda event: waiting.put(partial(call, handler, event)), indirect=False)
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
@@ -105,13 +96,7 @@ class Aside:
         let_end(self._thread)
 
     def _work(self) -> None:
-        while True:
-            try:
-                work = self._waiting.get(timeout=self._period)
-            except queue.Empty:
-                work = self._on_idle
-            if work is None:
-                return
+        while (work := self._waiting.get()) is not None:
             work()
 
 
@@ -148,41 +133,50 @@ def _writer_of(sample: zenoh.Sample, raw: RawSample) -> Writer:
     return raw.key, str(info.source_id.zid), str(info.source_id.eid)
 
 
-class Declared:
-    """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
-
-    def __init__(self, entity: Any, declared: set["Declared"]) -> None:
-        """It is in the set `declared` until it is closed."""
-        self._entity = entity
-        self._declared = declared
-        declared.add(self)
-
-    def close(self) -> None:
-        entity, self._entity = self._entity, None
-        if entity is None:
+def _undeclare(entity: Any) -> None:
+    for _ in range(_TRIES):
+        try:
+            entity.undeclare()
             return
-        self._declared.discard(self)
-        for _ in range(_TRIES):
-            try:
-                entity.undeclare()
-                return
-            except zenoh.ZError as error:
-                log.debug("undeclare: %s", error)
-                return
-            except RuntimeError:
-                # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
-                pause(_AGAIN)
-        log.debug("undeclare: another thread uses it still")
+        except zenoh.ZError as error:
+            log.debug("undeclare: %s", error)
+            return
+        except RuntimeError:
+            # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
+            pause(_AGAIN)
+    log.debug("undeclare: another thread uses it still")
 
 
-class ZenohPublisher(Declared):
+def stamping_as(session: str) -> Callable[[], zenoh.Timestamp]:
+    """Makes time stamps with the id of a session, each later than the one before; their clock is never set.
+
+    Zenoh's own need clocks that agree. A session or router that makes them refuses those that are more than 0.5 s ahead
+    of its clock: it writes another one with its own id, so the sender is no longer known. And it takes over a clock
+    that is less far ahead: between two messages from there its own stamps stand still.
+    """
+    # As Zenoh writes its ids: the last byte comes first, and zeros at the front are left out.
+    name = zenoh.TimestampId(bytes.fromhex(session.zfill(2 * -(-len(session) // 2)))[::-1])
+    make, time = zenoh.Timestamp, zenoh.NTP64
+    return lambda: make(time(*divmod(stamp_ns(), NS_PER_S)), name)
+
+
+def read_stamp(text: str) -> tuple[int, str, float]:
+    """What a sample's time stamp tells when the sample comes: time, session, delay; as the fields of RawSample."""
+    # "<NTP64>/<id>": the only exact form that Python gets.
+    time, _, session = text.partition("/")
+    if not time:
+        return 0, "", 0.0
+    stamp = int(time)
+    return stamp, session, to_seconds(stamp_ns() - (stamp * NS_PER_S >> 32))
+
+
+class ZenohPublisher(Handle):
     """Publishes on one key."""
 
-    def __init__(
-        self, entity: Any, declared: set[Declared], latched: bool, stamp: Callable[[], zenoh.Timestamp]
-    ) -> None:
+    def __init__(self, entity: Any, latched: bool, stamp: Callable[[], zenoh.Timestamp]) -> None:
         """`stamp()` makes the time stamps of samples."""
-        super().__init__(entity, declared)
+        super().__init__(self._end, partial(_undeclare, entity))
+        self._entity: Any = entity
         self._matching = True
         self._stamp = stamp
         if not latched:
@@ -199,6 +193,9 @@ class ZenohPublisher(Declared):
     @property
     def has_subscribers(self) -> bool:
         return self._matching and self._entity is not None
+
+    def _end(self) -> None:
+        self._entity = None
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
@@ -219,45 +216,8 @@ class ZenohPublisher(Declared):
                 raise
 
 
-class TokenWatch(Declared):
-    """Tells a handler of tokens that are there, come or go. `receive` and `look` are called on one thread."""
-
-    def __init__(
-        self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
-    ) -> None:
-        """The handler is called on `thread`. Raises zenoh.ZError."""
-        self._session, self._key_expr, self._handler = session, key_expr, handler
-        self._alive: set[str] = set()
-        self._missing: set[str] = set()
-        """Those that were alive, and that the last look did not find."""
-
-        def on_token(sample: zenoh.Sample) -> None:
-            self.receive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-        callback = thread.callback(on_token)
-        super().__init__(session.liveliness().declare_subscriber(key_expr, callback, history=True), declared)
-
-    def receive(self, key: str, alive: bool) -> None:
-        (self._alive.add if alive else self._alive.discard)(key)
-        self._handler(key, alive)
-
-    def look(self) -> None:
-        """Take those as gone that two answers of the router in a row did not have."""
-        begin = monotonic()
-        try:
-            replies = self._session.liveliness().get(self._key_expr, timeout=ROUTER_ANSWER)
-            there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
-        except zenoh.ZError as error:
-            log.debug("tokens: %s", error)
-            return
-        # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
-        if not there & self._alive or monotonic() - begin >= ROUTER_ANSWER:
-            return
-        missing = self._alive - there
-        for key in sorted(missing & self._missing):
-            log.debug("the end of %s was not told", key)
-            call(partial(self.receive, alive=False), key)
-        self._missing = missing
+def _token_callback(handler: TokenHandler) -> Callable[[zenoh.Sample], None]:
+    return lambda token: handler(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
 
 
 def _reply(query: zenoh.Query, reply: Reply) -> None:
@@ -272,34 +232,35 @@ def _reply(query: zenoh.Query, reply: Reply) -> None:
         log.debug("reply: %s", error)
 
 
-class ZenohTransport:
+class ZenohTransport(Transport):
     """An open Zenoh session seen as a Transport."""
 
     def __init__(self, session: zenoh.Session) -> None:
+        super().__init__(str(session.zid()))
         self._session = session
-        self.instance = str(session.zid())
         self._stamp = stamping_as(self.instance)
-        self._declared: set[Declared] = set()
+        # Every answer counts: two processes that claim one name both serve its keys.
+        self._get = partial(session.get, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE)
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
-        self._before_close: list[Callable[[], None]] = []
-        self.up, self.closed = True, False
+        self.up = True
         # Answers do not wait for what a change of presence leads to.
-        self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
+        self._queries, self._presence = Aside(), Aside()
         callback = self._presence.callback(self._on_transport)
-        events = session.info.declare_transport_events_listener(callback, history=True)
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
-        Declared(events, self._declared)
-        self._deferred = DeferredAnswers()
+        self._hold(session.info.declare_transport_events_listener(callback, history=True))
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
+    def _hold(self, entity: Any) -> Closeable:
+        return self._keep(Handle(partial(_undeclare, entity)))
+
     def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
-        return Declared(self._make(action, key, declare), self._declared)
+        return self._hold(self._make(action, key, declare))
 
     def _make(self, action: str, key: str, declare: Callable[[], T]) -> T:
         check_use(action, key, self.closed)
@@ -338,11 +299,9 @@ class ZenohTransport:
             )
 
         entity = self._make("publish on", key, declare)
-        return ZenohPublisher(entity, self._declared, latched, stamping_as(source) if source else self._stamp)
+        return self._keep(ZenohPublisher(entity, latched, stamping_as(source) if source else self._stamp))
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
             return self._latched.subscribe(key_expr, handler)
@@ -360,31 +319,22 @@ class ZenohTransport:
             raw = read_sample(sample)
             subscription.receive(raw, _writer_of(sample, raw))
 
-        def on_token(token: zenoh.Sample) -> None:
-            subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
-
-        tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
         live = self._subscribe(key_expr, receive)
         # After it: what is published from then on comes, what was published before is asked for.
-        watch = self._declare(
-            "subscribe to",
-            key_expr,
-            lambda: self._session.liveliness().declare_subscriber(tokens, callback, history=True),
-        )
+        callback = zenoh.handlers.Callback(_token_callback(subscription.on_token), indirect=False)
+        watch = self._watch("subscribe to", latched_tokens_key(key_expr), callback)
         return Handle(watch.close, live.close)
 
-    def _ask_latched(self, token: str, receive: Callable[[RawSample], object], end: Callable[[], object]) -> None:
+    def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 receive(read_sample(reply.ok))
 
         try:
-            self._session.get(
+            self._get(
                 token,
-                zenoh.handlers.Callback(on_reply, end, indirect=False),
+                zenoh.handlers.Callback(on_reply, indirect=False),
                 timeout=_LATCHED_TIMEOUT,
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
                 # The answer has the topic's key, not the token's.
                 accept_replies=zenoh.ReplyKeyExpr.ANY,
             )
@@ -395,11 +345,7 @@ class ZenohTransport:
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
-            answer = make_answer(key, lambda: handler(str(query.key_expr), payload))
-            if isinstance(answer, Reply):
-                _reply(query, answer)
-            else:
-                self._deferred.start(key, answer, lambda reply: _reply(query, reply))
+            self._answers.answer(key, lambda: handler(str(query.key_expr), payload), partial(_reply, query))
 
         def declare() -> Any:
             self._keep_id(key)
@@ -408,16 +354,10 @@ class ZenohTransport:
         return self._declare("serve", key, declare)
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
+        place = zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY
+
         def ask() -> Any:
-            return self._session.get(
-                key_expr,
-                payload=payload,
-                timeout=timeout,
-                target=zenoh.QueryTarget.ALL,
-                # Every answer counts: two processes that claim one name both serve its keys.
-                consolidation=zenoh.ConsolidationMode.NONE,
-                allowed_destination=zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
-            )
+            return self._get(key_expr, payload=payload, timeout=timeout, allowed_destination=place)
 
         replies, begin = [], monotonic()
         for reply in self._make("ask", key_expr, ask):
@@ -435,20 +375,20 @@ class ZenohTransport:
         return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        session, thread = self._session, self._presence
-        return self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread))
+        return self._watch("watch", key_expr, self._presence.callback(_token_callback(handler)))
 
-    def _look_at_tokens(self) -> None:
-        for declared in list(self._declared):
-            if isinstance(declared, TokenWatch):
-                declared.look()
+    def _watch(self, action: str, key_expr: str, callback: Any) -> Closeable:
+        """A watch of tokens that are there, come or go."""
+        return self._declare(
+            action, key_expr, lambda: self._session.liveliness().declare_subscriber(key_expr, callback, history=True)
+        )
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)
 
     def limit_silence(self, seconds: float) -> None:
         """Let the system end a link over which data goes unacknowledged for so long (`sockets.py`)."""
-        Declared(limit_silence(self._session, seconds), self._declared)
+        self._hold(limit_silence(self._session, seconds))
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         if self._links.count(event):
@@ -462,16 +402,12 @@ class ZenohTransport:
                 call(handler, up)
 
     def before_close(self, call: Callable[[], None]) -> None:
-        """Call it first when the session is closed, also at the interpreter's end."""
-        self._before_close.append(call)
+        """Call it when the session is about to be closed, also at the interpreter's end."""
+        self._keep(Handle(call))
 
     def close(self) -> None:
-        self.closed = True
         self._link_handlers.clear()
-        while self._before_close:
-            self._before_close.pop()()
-        for declared in list(self._declared):
-            declared.close()
+        super().close()
         self._session.close()  # type: ignore[no-untyped-call]
         self._queries.end()
         self._presence.end()

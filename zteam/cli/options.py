@@ -11,7 +11,7 @@ from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 import msgspec
 
 from zteam.bus import BusOptions
-from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
+from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.usage import answer, unknown_subcommand, unknown_words
 from zteam.config.numbers import parse_number, parse_whole
@@ -262,10 +262,10 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
     # An empty value overrides the environment.
     connect, config = args.connect or None, args.config or None
-    tls = TlsFiles.from_environment()
+    environment = BusOptions.from_environment()
     if connect not in (None, FROM_STDIN):
-        check_endpoint(connect, tls)
-    return BusOptions(connect, namespace, config, small, args.lease, tls, give_up_from_environment())
+        check_endpoint(connect, environment.tls)
+    return BusOptions(connect, namespace, config, small, args.lease, environment.tls, environment.give_up)
 
 
 def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_output: bool = True) -> int:

@@ -137,7 +137,7 @@ def _typed(script: Sequence[str], clock: AutoClock, stop: Stop) -> Iterator[tupl
                 return
             if not clock.simulated:
                 stopped.wait(to_seconds(left))
-            elif clock.sim.wait_for_change(now, PERIOD):
+            elif clock.wait_for_change(now, PERIOD):
                 since = monotonic()
             elif monotonic() - since > STILL and nag.due():
                 print_line(f"teleop: {still_text(clock)}", file=sys.stderr)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
-from zteam.clock import AutoClock, Every, Ticker, to_seconds
+from zteam.clock import AutoClock, Every, moments, to_seconds
 from zteam.node.output import print_line
 from zteam.node.process_node import ClockMode
 from zteam.simulator.client import ask_time, follow_clock, team_clock
@@ -27,7 +27,7 @@ def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:
     if now is None:
         waiter.wait(lambda: clock.now() > 0, None, "a simulator's time; --clock wall uses the host's")
     elif now > clock.now():
-        clock.sim.set(now)
+        clock.set(now)
     return clock
 
 
@@ -36,13 +36,13 @@ def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
 
     It says once on stderr when simulated time stands still.
     """
-    ticks, nag = Ticker(period, clock), Every(math.inf)
+    nag = Every(math.inf)
 
     def warn() -> None:
         if nag.due():
             print_line(still_text(clock), file=sys.stderr)
 
-    return lambda: ticks.wait(warn)
+    return moments(period, clock, warn)
 
 
 def still_text(clock: AutoClock) -> str:

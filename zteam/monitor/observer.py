@@ -149,7 +149,7 @@ class TeamObserver:
         self._subscriptions: dict[str, Closeable] = {}
         self._handlers = defaultdict[str, list[Callable[[Any, Any], None]]](list)
         bus.watch_link(self._on_link)
-        bus.watch_tokens([names.tokens_key()], self._on_token)
+        bus.watch_tokens([names.tokens_key("*")], self._on_token)
         self.observe(*topics)
 
     def on(self, event: str, handler: Callable[[Any, Any], None]) -> None:

@@ -38,7 +38,7 @@ class Ticks:
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
-        node.watch_certain_tokens(names.lockstep_key(), self._on_token)
+        node.watch_certain_tokens(names.lockstep_key("*"), self._on_token)
 
     def listen(self) -> None:
         """Receive ticks; nothing if they are received already."""

@@ -100,7 +100,7 @@ class ProcessNode:
             self.clock.use_wall()
         self._ended = self._half_jump = 0
         """The time (ns) before its last jump back, and half of that jump."""
-        self.clock.sim.on_jump_back(self._note_jump)
+        self.clock.on_jump_back(self._note_jump)
         self._failure: BaseException | None = None
         self._busy = False
         """Whether a step is under way."""
@@ -155,7 +155,7 @@ class ProcessNode:
     def _win(self) -> None:
         # Before the token: a process that sees the token may ask this one at once.
         self.present = True
-        self.bus.holding.release()
+        self.bus.release()
 
     def on_present(self, hook: Callable[[], object]) -> None:
         """Run `hook()` once the process holds its name."""
@@ -327,7 +327,7 @@ class ProcessNode:
 
         It runs under `changed`, before anything of the new time. An error of it ends the process.
         """
-        self.clock.sim.on_jump_back(lambda _old, _new: callback())
+        self.clock.on_jump_back(lambda _old, _new: callback())
 
     def _note_jump(self, old: int, new: int) -> None:
         self._ended, self._half_jump = old, (old - new) // 2
@@ -363,7 +363,7 @@ class ProcessNode:
     def set_time(self, stamp: int) -> None:
         """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
         try:
-            self.clock.sim.set(stamp)
+            self.clock.set(stamp)
         except BaseException as error:
             self.fail(error)
 
@@ -448,7 +448,7 @@ def run_body(
             # Its log is all that a process without its name publishes: readers are to see why it does not start.
             lines = LogPublisher(bus, name)
             ends.callback(lines.close)
-            bus.holding.begin()
+            bus.hold()
             node = make(name, bus, stop, clock)
             node.claim.under_name.append(lines)
             node.on_present(lines.catch_up)

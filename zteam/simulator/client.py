@@ -473,7 +473,7 @@ def follow_clock(bus: Bus, clock: AutoClock, on_time: Callable[[], None] = lambd
     """Set `clock` to simulated time as it goes on, and call `on_time()` then."""
 
     def take(_key: str, message: Clock) -> None:
-        clock.sim.set(ns_from_time(message.clock))
+        clock.set(ns_from_time(message.clock))
         on_time()
 
     return bus.subscribe(names.CLOCK, Clock, take)
@@ -494,5 +494,5 @@ def team_clock(bus: Bus) -> AutoClock:
         return clock
     clock.use_simulated()
     if now > clock.now():
-        clock.sim.set(now)
+        clock.set(now)
     return clock

@@ -203,7 +203,7 @@ class Documents:
 
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
         """`log`: the number of the last line, and the lines after `number`."""
-        topic, now = names.log_key(), monotonic()
+        topic, now = names.log_key("*"), monotonic()
         events = self._state.received.since(topic, self._read.get(topic, 0))
         if events:
             self._read[topic] = events[-1].number

@@ -30,8 +30,6 @@ from zteam.messages import (
     PoseArray,
     PoseStamped,
     Range,
-    decode,
-    encode,
     ns_from_time,
     type_of_encoding,
 )
@@ -237,7 +235,7 @@ class FoxgloveServer:
             if sim is not None:
                 self._sim_time = sim.now
                 self._server.broadcast_time(sim.now)
-            self._clock = self._bus.subscribe_contents(names.CLOCK, Clock, self._on_clock)
+            self._clock = self._bus.subscribe(names.CLOCK, Clock, self._on_clock)
         for key, shown in self._shown.items():
             self._open_channel(key, shown)
             if shown.is_late and shown.channel is not None:
@@ -261,25 +259,21 @@ class FoxgloveServer:
     def _subscribe(self, key: str, shown: _Shown) -> Closeable | None:
         kind, latched = shown.kind, shown.kind is None or type_of_key(key) is None or is_latched(key)
 
-        def take(key: str, content: bytes | Message) -> None:
-            data = content if isinstance(content, bytes) else encode(content)
-            if latched:
-                self._last[key] = data
-            if shown.channel is not None:
-                self._show(shown.channel, data)
-
-        def take_sample(sample: RawSample) -> None:
+        def take(sample: RawSample) -> None:
             if shown.kind is None:
                 shown.kind = type_of_encoding(sample.encoding) or Message
                 self._wake()
-            if type_of_encoding(sample.encoding) in (shown.kind, None):
-                take(sample.key, sample.content)
+            if type_of_encoding(sample.encoding) not in (shown.kind, None):
+                return
+            data = sample.payload
+            if latched:
+                self._last[sample.key] = data
+            if shown.channel is not None:
+                self._show(shown.channel, data)
 
         try:
-            if kind is not None and not latched:
-                # Without time and source of each message, which cost most of a view's time.
-                return self._bus.subscribe_contents(key, kind, take)
-            return self._bus.subscribe_raw(key, take_sample, latched=latched)
+            # With a type without time and source of each message, which cost most of a view's time.
+            return self._bus.subscribe_raw(key, take, latched=latched, only=None if latched else kind)
         except BusError as error:
             log.debug("%s", error)
             return None
@@ -292,11 +286,9 @@ class FoxgloveServer:
         if shown is not None and shown.channel is not None:
             self._show(shown.channel, data)
 
-    def _on_clock(self, _key: str, content: bytes | Message) -> None:
-        message = decode(Clock, content) if isinstance(content, bytes) else content
-        if isinstance(message, Clock):
-            self._sim_time = ns_from_time(message.clock)
-            self._server.broadcast_time(self._sim_time)
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self._sim_time = ns_from_time(message.clock)
+        self._server.broadcast_time(self._sim_time)
 
     def _now(self) -> int:
         return wall_ns() if self._sim_time is None else self._sim_time

@@ -13,7 +13,7 @@ from urllib.parse import quote, urlsplit
 
 import msgspec
 
-from zteam.bus.queries import decode_json
+from zteam.bus.transport import decode_json
 from zteam.errors import DecodeError, UsageError
 from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode

@@ -167,7 +167,7 @@ class TeamQueries:
             self._has_log = False
         elif not self._has_log:
             self._has_log = True
-            self.kept_log = [*kept_lines(self._ask(names.log_key(), list[LogLine]))]
+            self.kept_log = [*kept_lines(self._ask(names.log_key("*"), list[LogLine]))]
         if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
             self.declarations = self._bus.declarations()
             if "topics" in docs:

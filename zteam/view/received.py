@@ -198,14 +198,13 @@ class Subscriptions:
     def _subscribe(self, topic: Topic) -> Closeable:
         received = self._received
         take: Callable[..., None] = partial(received.keep, topic.key) if topic.every else received.take
-        if topic.kind is not None and not topic.latched:
-            # As bytes, without time and source: at the rate of lock-step this is most of the cost of a view.
-            return self._bus.subscribe_contents(topic.key, topic.kind, take)
 
         def on_sample(sample: RawSample) -> None:
             take(sample.key, sample.content, sample.encoding)
 
-        return self._bus.subscribe_raw(topic.key, on_sample, latched=topic.latched)
+        # With a type without time and source: at the rate of lock-step those are most of the cost of a view.
+        only = None if topic.latched else topic.kind
+        return self._bus.subscribe_raw(topic.key, on_sample, latched=topic.latched, only=only)
 
 
 LAYERS: Mapping[str, tuple[type[Message], ...]] = {
@@ -371,7 +370,7 @@ def topics_of(
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
         wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
         if "log" in viewer.look.docs:
-            wanted.add(Topic(names.log_key(), Log, every=True))
+            wanted.add(Topic(names.log_key("*"), Log, every=True))
         if "goals" in layers:
             wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
             wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))

@@ -104,7 +104,7 @@ class _Simulator:
         self._messages = _publishers(session, [(_TICK, _TICK_BYTES), *of_robots, (names.CLOCK, _CLOCK_BYTES), *truths])
         self._declared = [
             session.declare_subscriber(_done_key("*"), self._on_done),
-            session.liveliness().declare_subscriber(names.tokens_key(), self._on_token, history=True),
+            session.liveliness().declare_subscriber(names.tokens_key("*"), self._on_token, history=True),
         ]
 
     def _on_done(self, sample: zenoh.Sample) -> None:

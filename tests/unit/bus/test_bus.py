@@ -33,9 +33,7 @@ class Wire(MemoryTransport):
         super().__init__(hub)
         self.hear: Callable[[RawSample], None]
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         self.hear = handler
         return super().declare_subscriber(key_expr, handler, latched, stamped)
 
@@ -100,9 +98,10 @@ def test_in_memory_a_number_that_is_not_finite_is_dropped_by_each_receiver(hub: 
 
 
 def test_the_largest_map_is_small_enough() -> None:
-    """What a simulator publishes is not refused for its size."""
-    largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
-    assert len(encode(largest)) <= transport.MAX_PAYLOAD
+    """What a simulator publishes is not refused for its size; a cell has one byte."""
+    smallest, small = (encode(OccupancyGrid(data=np.zeros(cells, np.int8))) for cells in (1, 1001))
+    assert len(small) == len(smallest) + 1000
+    assert len(small) + MAX_CELLS <= transport.MAX_PAYLOAD
 
 
 def test_a_message_of_another_type_is_refused(hub: MemoryHub) -> None:

@@ -1,6 +1,7 @@
 """A link to the router that came back: whether it carries both ways."""
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
@@ -10,15 +11,20 @@ from zteam.bus import Bus, BusOptions, connect, connection
 from zteam.bus.connection import LinkCheck
 
 
+@pytest.fixture(scope="module")
+def router() -> Iterator[RouterProcess]:
+    """One router for both tests."""
+    process = RouterProcess()
+    yield process
+    process.kill()
+
+
 @pytest.fixture
-def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bus]:
-    """A session at a router of the test's own. The next question follows an answer soon."""
+def bus(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bus]:
+    """A session of the test's own. The next question follows an answer soon."""
     monkeypatch.setattr(connection, "_LINK_PERIOD", 0.01)
-    router = RouterProcess()
-    bus = connect(BusOptions(connect=router.endpoint, lease=LIMIT))
-    yield bus
-    bus.close()
-    router.kill()
+    with closing(connect(BusOptions(connect=router.endpoint, lease=LIMIT))) as bus:
+        yield bus
 
 
 def test_a_link_on_which_nothing_comes_is_ended_once_more(

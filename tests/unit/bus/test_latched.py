@@ -8,7 +8,6 @@ import pytest
 
 from support.limits import LIMIT
 from support.transports import Inbox
-from zteam.bus import latched
 from zteam.bus.latched import LatchedSubscriptions
 from zteam.bus.transport import Handle, RawSample
 
@@ -20,7 +19,7 @@ class Desk:
     """Latched subscriptions without a bus: what is asked, and what is open."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[str, Callable[[RawSample], object], Callable[[], object]]] = []
+        self.asked: list[tuple[str, Callable[[RawSample], object]]] = []
         self.open: dict[str, Any] = {}
         self.all = LatchedSubscriptions(self._declare, lambda *asked: self.asked.append(asked))
 
@@ -36,10 +35,9 @@ class Desk:
 
     def answer(self, timestamp: int) -> None:
         """The publisher answers the oldest question."""
-        _, take, end = self.asked.pop(0)
+        _, take = self.asked.pop(0)
         take(RawSample("other", b"", "", timestamp + 1, "f2"))
         take(sample(timestamp))
-        end()
 
 
 def sample(timestamp: int) -> RawSample:
@@ -48,18 +46,20 @@ def sample(timestamp: int) -> RawSample:
 
 
 def test_all_readers_share_one_question() -> None:
-    """A publisher is asked once, however many readers there are; one that comes later gets what is kept."""
+    """A publisher is asked once, however many readers there are, and once for each that comes later."""
     desk = Desk()
     early = [desk.read() for _ in range(3)]
     desk.open["map"].on_token(TOKEN, True)
-    assert [token for token, _, _ in desk.asked] == [TOKEN]
+    assert [token for token, _ in desk.asked] == [TOKEN]
     desk.answer(5)
-    assert [inbox.items for inbox in (*early, desk.read())] == [[5]] * 4
-    assert desk.asked == []
+    late = desk.read()
+    assert [token for token, _ in desk.asked] == [TOKEN]
+    desk.answer(5)
+    assert [inbox.items for inbox in (*early, late)] == [[5]] * 4
 
 
 def test_the_last_reader_closes_the_subscription() -> None:
-    """Not before; and the next reader opens another one, which keeps nothing of it."""
+    """Not before; and the next reader opens another one."""
     desk = Desk()
     first, second = desk.read(), desk.read()
     desk.open["map"].on_token(TOKEN, True)
@@ -70,26 +70,6 @@ def test_the_last_reader_closes_the_subscription() -> None:
     second.handle.close()
     assert desk.open == {}
     assert desk.read().items == []
-
-
-def test_what_does_not_fit_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A late reader gets a message that is too large to be kept from its publisher; the others do not get it twice.
-    Room is counted: what goes makes room for what comes."""
-    monkeypatch.setattr(latched, "KEPT_BYTES", 10)
-    desk = Desk()
-    for timestamp in (5, 6):
-        early = desk.read()
-        desk.open["map"].on_token(TOKEN, True)
-        desk.answer(timestamp)
-        assert desk.read().items == [timestamp]
-        desk.open["map"].on_token(TOKEN, False)
-    monkeypatch.setattr(latched, "KEPT_BYTES", 9)
-    desk.open["map"].on_token(TOKEN, True)
-    desk.answer(7)
-    late = desk.read()
-    assert late.items == []
-    desk.answer(7)
-    assert (early.items, late.items) == ([6, 7], [7])
 
 
 def test_a_publisher_that_comes_back_is_asked_again() -> None:
@@ -108,11 +88,11 @@ def test_a_publisher_that_comes_back_is_asked_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "answer", "heard", "kept"),
-    [(sample(6), 5, [6, 0, 0], 6), (RawSample("map", b"", "", 10**6, "f1", -3600.0), 6, [10**6, 6, 0, 0], 6)],
+    ("first", "answer", "heard"),
+    [(sample(6), 5, [6, 0, 0]), (RawSample("map", b"", "", 10**6, "f1", -3600.0), 6, [10**6, 6, 0, 0])],
     ids=["an older one", "after one that is ahead"],
 )
-def test_nothing_older_comes_after_something_newer(first: RawSample, answer: int, heard: list[int], kept: int) -> None:
+def test_nothing_older_comes_after_something_newer(first: RawSample, answer: int, heard: list[int]) -> None:
     """An answer that comes after a newer message is left out; a message without a time stamp never is. One whose stamp
     is far ahead hides nothing."""
     desk = Desk()
@@ -123,7 +103,6 @@ def test_nothing_older_comes_after_something_newer(first: RawSample, answer: int
     for _ in range(2):
         desk.open["map"].receive(sample(0), WRITER)
     assert reader.items == heard
-    assert desk.read().items == [kept]
 
 
 def test_publishers_without_number_are_not_asked() -> None:

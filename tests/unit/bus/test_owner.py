@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from zteam.bus.connection import why_foreign
 from zteam.bus.options import Owner
-from zteam.bus.refusals import why_foreign
 from zteam.bus.router import RouterMetadata, RouterRecord
 
 HERE, OTHER = str(Path("/proc/self/ns/pid").readlink()), "pid:[1]"

@@ -10,7 +10,7 @@ from support.limits import LIMIT
 FIRST_USES = """
 import sys, threading
 from msgspec import defstruct
-from zteam.bus.queries import decode_json
+from zteam.bus.transport import decode_json
 
 def decode():
     together.wait()

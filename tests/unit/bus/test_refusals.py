@@ -14,9 +14,9 @@ import pytest
 from support.certificates import Authority
 from support.limits import LIMIT
 from support.transports import rogue_router
-from zteam.bus import BusOptions, connect, refusals
+from zteam.bus import BusOptions, connect, connection
+from zteam.bus.connection import Reasons, why_refused
 from zteam.bus.options import RouterOptions, TlsFiles
-from zteam.bus.refusals import Reasons, why_refused
 from zteam.bus.router import Router
 from zteam.bus.tls import own_fault, own_identity
 from zteam.errors import BusError
@@ -142,7 +142,7 @@ def test_each_refusal_has_its_line(
     endpoint: str, which: str, words: tuple[str, ...], files: Files, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The reason and the step: with certificates, a password or another program at the endpoint."""
-    monkeypatch.setattr(refusals, "ANSWER_WITHIN", 0.5)
+    monkeypatch.setattr(connection, "ANSWER_WITHIN", 0.5)
     tls = getattr(files, which) if which else None
     line = ": ".join(why_refused(BusOptions(endpoint.replace("tcp/", "tls/") if tls else endpoint, tls=tls)))
     assert all(word in line for word in words), line
@@ -165,15 +165,14 @@ def test_a_tool_and_the_doctor_print_the_same_line(endpoint: str, files: Files) 
 def test_a_reason_is_given_once_and_again_when_it_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The pause between two looks doubles up to a minute, so that looks do not keep a team out."""
     now, reason = 0.0, "frozen"
-    monkeypatch.setattr(refusals, "monotonic", lambda: now)
-    monkeypatch.setattr(refusals, "why_refused", lambda _options: (reason, "wait"))
-    reasons, looked, given = Reasons(BusOptions(), 1.0), list[float](), list[str]()
+    monkeypatch.setattr(connection, "monotonic", lambda: now)
+    looked, given = list[float](), list[tuple[float, str | None]]()
+    monkeypatch.setattr(connection, "port_accepts", lambda _: looked.append(now) or not 130.0 < now < 190.0)
+    monkeypatch.setattr(connection, "why_refused", lambda _options: (reason, "wait"))
+    reasons = Reasons(BusOptions(), 1.0)
     for now in (0.5 * half for half in range(500)):
         reason = "frozen" if now < 20.0 else "held"
-        if reasons.due():
-            looked.append(now)
-            given.append(reasons.look())
+        if (said := reasons.look()) is not None:
+            given.append((now, said))
     assert looked == [1.0, 6.0, 16.0, 36.0, 76.0, 136.0, 196.0]
-    assert given == ["frozen: wait", "", "", "held: wait", "", "", ""]
-    reasons.forget()
-    assert reasons.look() == "held: wait"
+    assert given == [(1.0, "frozen: wait"), (36.0, "held: wait"), (136.0, ""), (196.0, "held: wait")]

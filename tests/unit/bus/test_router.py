@@ -19,8 +19,7 @@ import zenoh
 from support.certificates import Authority
 from support.limits import LIMIT
 from support.transports import wait_until_true
-from zteam.bus import Bus, BusOptions, NoRequest, connect
-from zteam.bus import router as routers
+from zteam.bus import Bus, BusOptions, NoRequest, connect, transport
 from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session, port_accepts
 from zteam.bus.router import PortInUseError, ReleaseRequest, Router, find_local_routers, open_team_router, read_admin
 from zteam.names import token_key
@@ -271,7 +270,7 @@ def test_a_router_keeps_its_port_from_nonsense_and_from_other_users(
         config = client_config(BusOptions(connect=router.endpoint))
         stranger = ends.enter_context(open_session(config, "usual"))
         with monkeypatch.context() as patched:
-            patched.setattr(routers, "_MOST", len(msgspec.json.encode(_FOREIGN)))
+            patched.setattr(transport, "MAX_PAYLOAD", len(msgspec.json.encode(_FOREIGN)))
             (reply,) = stranger.get(RELEASE, payload=request_)
         assert reply.ok is not None and reply.ok.payload.to_bytes() == b"null"
         assert client.instance in sessions_at(router.endpoint)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from zteam.bus.stamps import read_stamp, stamping_as
+from zteam.bus.zenoh_session import read_stamp, stamping_as
 
 
 @pytest.mark.parametrize("session", ["955b777d3b85846280c89ce442bac183", "a5b777d3b85846280c89ce442bac183", "7"])

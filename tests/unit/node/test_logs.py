@@ -215,7 +215,7 @@ def test_a_users_module_logs_like_zteam(keeper: LogKeeper, capsys: pytest.Captur
 def hear(hub: MemoryHub) -> list[tuple[str, Log]]:
     """What comes on all logs from here on."""
     heard: list[tuple[str, Log]] = []
-    hub.bus().subscribe(names.log_key(), Log, lambda key, message: heard.append((key, message)))
+    hub.bus().subscribe(names.log_key("*"), Log, lambda key, message: heard.append((key, message)))
     return heard
 
 

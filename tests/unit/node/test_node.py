@@ -306,7 +306,7 @@ def test_a_clock_that_comes_at_once_is_taken(
 
     monkeypatch.setattr(node_module, "Participant", InARun)
     node = make()
-    assert node.wait(lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
+    assert node.wait(lambda: node.clock.now() == 7 * TICK, LIMIT)
     assert "error" not in caplog.text
 
 

@@ -193,7 +193,7 @@ def test_time_goes_with_the_ticks(desk: Desk, script: ScriptedSimulator) -> None
     """Each tick sets the time, and the clock, which would only wake the process once more, is not heard. A jump back,
     which a repeated tick is not, is told before the tick is acted on."""
     order: list[str] = []
-    desk.node.clock.sim.on_jump_back(lambda old, new: order.append(f"{old // INTERVAL} -> {new // INTERVAL}"))
+    desk.node.clock.on_jump_back(lambda old, new: order.append(f"{old // INTERVAL} -> {new // INTERVAL}"))
     desk.command = lambda tick: order.append(f"act {tick.tick} at {desk.node.clock.now() // INTERVAL}")
     for tick in (8, 9, 9, 2, 3):
         script.tick(tick, NAME)

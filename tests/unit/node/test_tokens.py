@@ -87,7 +87,7 @@ def test_a_loss_is_told_when_it_is_certain(hub: MemoryHub, monkeypatch: pytest.M
             told.append((key, alive))
             changed.notify_all()
 
-    CertainTokens(bus, names.tokens_key(), take)
+    CertainTokens(bus, names.tokens_key("*"), take)
     keys = [names.token_key(f"robot_{i}", "a") for i in range(30)]
     tokens = [other.declare_token(key) for key in keys]
     assert told == [(key, True) for key in keys]

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from zteam.bus import BusOptions, connect
+from zteam.bus.connection import why_foreign, why_refused
 from zteam.bus.options import TlsFiles, default_endpoint, host_port, port_accepts
-from zteam.bus.refusals import why_foreign, why_refused
 from zteam.bus.router import read_admin
 from zteam.bus.tls import own_fault, own_identity
 from zteam.clock import utc_text, wall_ns

@@ -32,7 +32,7 @@ class Monitor:
         self._ticks = Ticks(node, self._on_tick)
         node.follow_clock()
         self._ticks.listen()
-        node.clock.sim.on_jump_back(lambda _old, new: self.gate.renew(new))
+        node.clock.on_jump_back(lambda _old, new: self.gate.renew(new))
         self.watch = TeamWatch(node, self.gate)
 
     def _on_tick(self, tick: Tick) -> None:

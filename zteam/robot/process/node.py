@@ -123,7 +123,7 @@ class RobotNode:
         self._node.first_data = self._node.first_data or monotonic()
 
     def _on_fixed(self, sample: RawSample) -> None:
-        message = self._node.bus.decode(sample, TFMessage)
+        message = self._node.bus.counters.decode(sample, TFMessage)
         if message is not None:
             self._inputs.on_fixed(message)
 

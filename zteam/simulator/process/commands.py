@@ -48,7 +48,7 @@ class RobotCommands:
         """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
         self._others = Writers()
         """Sessions that command a robot without ever having held its name."""
-        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        node.bus.watch_tokens([names.tokens_key("*")], self._on_token)
         node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -69,7 +69,7 @@ class RobotCommands:
             self._node.bus.counters.drop(sample.key, problem)
             self._statistics.add_late_command(robot_id)
             return
-        command = self._node.bus.decode(sample, Twist)
+        command = self._node.bus.counters.decode(sample, Twist)
         if command is None:
             return
         with self._changed:

@@ -93,11 +93,11 @@ class LockStep:
         """Since when tokens are counted that a tick is sent again for, in host time, and how many they are."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         token = Held(lambda: node.bus.declare_token(names.lockstep_key(node.bus.instance)))
-        node.bus.holding.open(token)
+        node.bus.open(token)
         node.claim.under_name.append(token)
         node.stop.on_request(self._wake)
-        CertainTokens(node.bus, names.tokens_key(), self._on_token)
-        node.bus.subscribe_from(names.done_key(), Done, self._on_done)
+        CertainTokens(node.bus, names.tokens_key("*"), self._on_token)
+        node.bus.subscribe_from(names.done_key("*"), Done, self._on_done)
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _wake(self) -> None:

@@ -8,7 +8,6 @@ node, so their sender is known outside, and what comes back of them is told from
 
 import logging
 import uuid
-from collections.abc import Callable
 
 import msgspec
 
@@ -81,13 +80,12 @@ class Bridge:
         log.warning("router is back" if up else "router lost: no tool sees the team until it is back")
 
 
-class _PublisherPair:
+class _PublisherPair(Handle):
     """Publishes to the nodes, and to the outside if there is a subscriber."""
 
-    def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[Closeable], None]) -> None:
-        self._inside = inside
-        self._outside = outside
-        self._forget = forget
+    def __init__(self, inside: RawPublisher, outside: RawPublisher) -> None:
+        super().__init__(inside.close, outside.close)
+        self._inside, self._outside = inside, outside
 
     @property
     def has_subscribers(self) -> bool:
@@ -98,11 +96,6 @@ class _PublisherPair:
         if self._outside.has_subscribers:
             self._outside.put(content)
         self._inside.put(content)
-
-    def close(self) -> None:
-        self._forget(self)
-        self._inside.close()
-        self._outside.close()
 
 
 class _Session(MemoryTransport):
@@ -123,7 +116,7 @@ class _BridgedSession(_Session):
         bridge.instances.add(self.instance)
 
     def _pair(self, inside: Closeable, outside: Closeable) -> Closeable:
-        return self._keep(Handle(inside.close, outside.close).close)
+        return self._keep(Handle(inside.close, outside.close))
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
@@ -131,13 +124,9 @@ class _BridgedSession(_Session):
         inside = super().declare_publisher(key, encoding, latched, to_others, source)
         # Outside to others alone: on the hub the nodes have it already.
         outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
-        pair = _PublisherPair(inside, outside, self._forget)
-        self._open[pair] = None
-        return pair
+        return self._keep(_PublisherPair(inside, outside))
 
-    def declare_subscriber(
-        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
-    ) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         inside = super().declare_subscriber(key_expr, handler, latched, stamped)
         heard = self._bridge.from_others(self._owner, handler)
         return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
@@ -162,7 +151,7 @@ class NodeSessions:
     def __init__(self, outside: Bus | None = None) -> None:
         """With `outside`, a session of this process alone, nodes and processes there find each other."""
         self.delivery = Delivery()
-        self._hub = MemoryHub(self.delivery.deliver, None if outside is None else monotonic_times())
+        self._hub = MemoryHub(self.delivery.deliver)
         inside = MemoryTransport(self._hub)
         self._bridge = None if outside is None else Bridge(inside, outside, self.delivery)
 

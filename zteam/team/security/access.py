@@ -85,7 +85,7 @@ _PARTS = {
     names.SIMULATOR: Rights(
         (names.CLOCK, names.MAP, names.TICK, *_MEASURED, *_of_robot(names.CMD_VEL)),
         (f"{names.SIMULATOR}/*", *_STOPS),
-        holds=(names.lockstep_key(),),
+        holds=(names.lockstep_key("*"),),
     ),
     names.MAP_SERVER: Rights((names.MAP,)),
     names.AGGREGATOR: Rights((names.TF, names.TF_STATIC), (f"{names.AGGREGATOR}/*",)),

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
-from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
@@ -27,7 +26,7 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
-_SESSION = holder_text(None, "")
+_SESSION = "session "
 """What the authority of a broadcaster begins with, before the id of its session."""
 
 
@@ -56,12 +55,12 @@ class Aggregator:
         self._part.repeat = self._repeat
         node.need(self._lacks)
         node.adopt(self.act, self)
-        node.clock.sim.on_jump_back(self._on_jump_back)
+        node.clock.on_jump_back(self._on_jump_back)
         node.hear(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
         node.bus.watch_link(self._on_link)
-        node.watch_tokens(names.tokens_key(), self._on_token)
+        node.watch_tokens(names.tokens_key("*"), self._on_token)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
@@ -98,7 +97,7 @@ class Aggregator:
     def _merge(self, robot_id: int, message: TFMessage, tick: int = 0) -> None:
         clock = self._node.clock
         # After a cut link or a freeze, transforms may come before the clock that belongs to them.
-        now, trusts = clock.now(), not (clock.simulated and clock.sim.stands) and not FREEZES.has_just_woken()
+        now, trusts = clock.now(), not clock.stands and not FREEZES.has_just_woken()
         self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
@@ -148,7 +147,7 @@ class Aggregator:
             self._tf.put_owned(self._last)
 
     def _on_statics(self, sample: RawSample) -> None:
-        target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
+        target, message = names.split_robot_key(sample.key), self._node.bus.counters.decode(sample, TFMessage)
         if target is not None and message is not None:
             self._merger.receive_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
             self._publish_statics()

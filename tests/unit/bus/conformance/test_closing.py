@@ -34,16 +34,17 @@ def declare_all(bus: Bus, key: str) -> list[Closeable]:
     return [each for one in declared for each in (one if isinstance(one, Sequence) else [one])]  # type: ignore[list-item]
 
 
-@pytest.mark.parametrize("name", USES)
-def test_a_closed_session_and_an_impossible_key_are_refused(sessions: Sessions, name: str) -> None:
+def test_a_closed_session_and_an_impossible_key_are_refused(sessions: Sessions) -> None:
     """Threads that outlive the session, and callers with a key that Zenoh could not carry, get an error of the bus that
     names the key."""
     bus = sessions()
-    with pytest.raises(BusError, match="a//b"):
-        USES[name](bus, "a//b")
+    for use in USES.values():
+        with pytest.raises(BusError, match="a//b"):
+            use(bus, "a//b")
     bus.close()
-    with pytest.raises(BusError, match=r"cannot \w+ .*a\b.*clos"):
-        USES[name](bus, "a")
+    for use in USES.values():
+        with pytest.raises(BusError, match=r"cannot \w+ .*a\b.*clos"):
+            use(bus, "a")
 
 
 def test_closing_again_does_nothing(sessions: Sessions) -> None:
@@ -102,9 +103,9 @@ def test_closed_declarations_are_forgotten(sessions: Sessions) -> None:
 
     declare_and_close()
     before = held()
-    for _ in range(100):
+    for _ in range(30):
         declare_and_close()
-    wait_until_true(lambda: held() < before + 100)
+    wait_until_true(lambda: held() < before + 30)
 
 
 def test_a_closed_session_hears_nothing(sessions: Sessions) -> None:

@@ -13,7 +13,7 @@ def test_a_held_session_shows_nothing(sessions: Sessions) -> None:
     held, listener = sessions(), sessions()
     inbox = Inbox()
     listener.subscribe("**", Done, lambda key, message: inbox(key, message.tick), latched=True)
-    held.holding.begin()
+    held.hold()
     latched, plain = held.publisher("latched", Done, latched=True), held.publisher("plain", Done)
     gone = held.publisher("gone", Done, latched=True)
     for tick in (1, 2):
@@ -21,7 +21,7 @@ def test_a_held_session_shows_nothing(sessions: Sessions) -> None:
             publisher.put(Done(tick=tick))
     gone.close()
     assert (latched.has_subscribers, plain.has_subscribers) == (True, False)
-    held.holding.release()
+    held.release()
     inbox.wait_for(("latched", 2))
     latched.put_owned(Done(tick=3))
     assert inbox.wait_for(("latched", 3)) == [("latched", 2), ("latched", 3)]
@@ -35,19 +35,19 @@ def test_a_held_session_shows_nothing(sessions: Sessions) -> None:
 def test_a_held_session_answers_nothing(sessions: Sessions) -> None:
     """Its queries are answered from the release on, unless they were closed before; one of them always."""
     held, asker = sessions(), sessions()
-    held.holding.begin()
+    held.hold()
     for key in ("info", "status", "closed"):
         served = held.serve(key, NoRequest, lambda _: "here", at_once=key == "info")
         if key == "closed":
             served.close()
     wait_until_true(lambda: asker.query("*", str) == [("info", "here")])
-    held.holding.release()
+    held.release()
     wait_until_true(lambda: asker.query("*", str) == [("info", "here"), ("status", "here")])
 
 
 def test_a_held_publisher_refuses_a_key_at_once(sessions: Sessions) -> None:
     """A key that is no key expression is an error of the caller, and not of the release."""
     held = sessions()
-    held.holding.begin()
+    held.hold()
     with pytest.raises(BusError, match="publish on a//b"):
         held.publisher("a//b", Done)

@@ -65,20 +65,6 @@ def test_the_newer_of_two_writers_counts(sessions: Sessions) -> None:
     assert inbox.wait_for(("a", 3))[-2:] == [("a", 2), ("a", 3)]
 
 
-@pytest.mark.parametrize("sessions", ["memory", "zenoh"], indirect=True)
-def test_a_late_subscriber_gets_two_writers_messages_in_their_order(sessions: Sessions) -> None:
-    """Where its session has both it gets them at once, the newer one last, though it takes every sample."""
-    first, second, listener = sessions(), sessions(), sessions()
-    heard, late = Inbox(), Inbox()
-    listener.subscribe_raw("a", lambda sample: heard(sample.source), latched=True)
-    writers = [session.publisher("a", Done, latched=True) for session in (first, second)]
-    for count, number in enumerate((0, 1, 0), 1):
-        writers[number].put(Done())
-        heard.wait_count(count)
-    listener.subscribe_raw("a", lambda sample: late(sample.source), latched=True)
-    assert late.items == [second.instance, first.instance]
-
-
 def test_without_latching_there_is_no_history(sessions: Sessions) -> None:
     """A plain subscriber of a latched key, and a latched subscriber of a plain one, get what is put from then on."""
     sender, listener, _, witness = (sessions() for _ in range(4))

@@ -10,7 +10,7 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
-from zteam.bus import Bus, Change, Deferred, NoRequest, queries, transport
+from zteam.bus import Bus, Change, Deferred, NoRequest, transport
 from zteam.errors import BusError, QueryTimeoutError
 
 DEEP = 100_000
@@ -142,7 +142,7 @@ def test_a_deferred_answer_comes_when_it_is_finished(sessions: Sessions) -> None
 @pytest.mark.parametrize("sessions", ["memory", "zenoh"], indirect=True)
 def test_too_many_deferred_answers_are_refused(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each has a thread, so there is a limit; later queries are answered again."""
-    monkeypatch.setattr(queries, "MAX_DEFERRED", 1)
+    monkeypatch.setattr(transport, "MAX_DEFERRED", 1)
     server, asker = sessions(), sessions()
     end, started, answers = threading.Event(), Inbox(), Inbox()
     server.serve("slow", NoRequest, lambda _: Deferred(lambda: started(1) or (end.wait(LIMIT) and Number(1))))

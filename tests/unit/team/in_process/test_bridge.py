@@ -41,7 +41,8 @@ class Place:
     """A hub in this process, and one outside."""
 
     def __init__(self) -> None:
-        self.outside = MemoryHub(timestamps=ZenohTimes())
+        self.outside = MemoryHub()
+        self.outside.timestamps = ZenohTimes()
         self.wire = Wire(self.outside)
         self.hub = NodeSessions(Bus(self.wire))
 
@@ -113,7 +114,7 @@ def test_one_name_has_one_holder_on_both_sides(place: Place, first_is_outside: b
         Claim(second, "robot_0").win(lambda _info: None)
     assert second.ask(names.info_key("robot_0"), ProcessInfo).instance == first.instance
     gone = Inbox()
-    second.watch_tokens([names.tokens_key()], lambda _key, alive: gone(alive))
+    second.watch_tokens([names.tokens_key("*")], lambda _key, alive: gone(alive))
     held.release()
     gone.wait_for(False)
 
