@@ -13,8 +13,8 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.clock import Every, monotonic, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
+from zteam.messages.planar import is_finite
 from zteam.navigation.client import NavigationClient, TaskResult, find_robot_id, goal_message
-from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
 from zteam.simulator.client import team_clock
 

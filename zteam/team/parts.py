@@ -58,7 +58,7 @@ def _simulator(options: SimOptions) -> Part:
 
 def _map_server(options: MapOptions) -> Part:
     from zteam.navigation.map_server import run_map_server
-    from zteam.navigation.planning.map_files import read_map
+    from zteam.navigation.planning.maps import read_map
 
     grid = read_map(options.file)
     return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")

@@ -16,9 +16,8 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import OccupancyGrid, decode, encode
 from zteam.navigation.map_server import run_map_server
-from zteam.navigation.maps import map_grid, map_message
 from zteam.navigation.planning.grid import GridMap, make_map
-from zteam.navigation.planning.map_files import read_map
+from zteam.navigation.planning.maps import map_grid, map_message, read_map
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 

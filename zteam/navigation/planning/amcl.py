@@ -11,12 +11,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.map_files import FREE
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
 from zteam.navigation.planning import likelihood
-from zteam.navigation.planning.grid import FREE, GridMap
+from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 

@@ -12,8 +12,6 @@ Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
 """(n, 2): row and column."""
 
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""Values of a map's cells (nav_msgs/OccupancyGrid)."""
 NOWHERE = Pose2(0.0, 0.0, 0.0)
 """An origin that turns and moves nothing."""
 

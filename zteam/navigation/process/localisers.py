@@ -10,7 +10,7 @@ from zteam.config.localisation import LOST_DEVIATION
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
-from zteam.navigation.maps import planar
+from zteam.messages.planar import planar
 from zteam.navigation.planning.amcl import INITIAL_DEVIATIONS, Amcl
 from zteam.navigation.planning.grid import Floats, GridMap
 from zteam.navigation.planning.parameters import FakeOptions, Parameters

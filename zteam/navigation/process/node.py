@@ -20,8 +20,8 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
-from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.maps import map_grid
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.inputs import Inputs, TeamTransforms

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from zteam import names
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
-from zteam.navigation.maps import is_finite, planar
+from zteam.messages.planar import is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
