@@ -113,7 +113,7 @@ class Buffer:
         log.warning("Detected jump back in time of %.3f s. Clearing TF buffer.", (before - now) / 1e9)
         return True
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: int) -> TransformStamped:
+    def lookup_transform(self, target_frame: str, source_frame: str, time: int = 0) -> TransformStamped:
         """The pose of `source_frame` in `target_frame` at `time`. Raises tf2's exceptions."""
         with self.lock:
             stamp, x, y, z, i, j, k, w = self._tree.solve(target_frame, source_frame, time)
@@ -123,7 +123,7 @@ class Buffer:
             Transform(Vector3(x, y, z), Quaternion(i, j, k, w)),
         )
 
-    def lookup_pose2(self, target_frame: str, source_frame: str, time: int) -> tuple[Pose2, int]:
+    def lookup_pose2(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int]:
         """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
         with self.lock:
             stamp, x, y, _, i, j, k, w = self._tree.solve(target_frame, source_frame, time)
@@ -144,7 +144,7 @@ class Buffer:
             messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:])
         )
 
-    def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
+    def can_transform(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
         return _answers(self.lookup_transform, target_frame, source_frame, time)
 

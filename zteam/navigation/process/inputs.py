@@ -69,7 +69,7 @@ class Inputs:
         """Topics that each tick of lock-step brings."""
         self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self.odom_frame = names.robot_frame(robot_id, names.ODOM)
-        self._lasers = LaserMounts(robot_id, transforms.buffer)
+        self._lasers = LaserMounts(robot_id, transforms)
         self.scan_problem = ""
         """Why the newest scan cannot be used; empty if it can."""
         self.forget()
@@ -98,7 +98,7 @@ class Inputs:
     def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:
         """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
         try:
-            return StampedPose(*self._transforms.buffer.lookup_pose2(target, source, time))
+            return StampedPose(*self._transforms.lookup_pose2(target, source, time))
         except TransformException:
             return None
 

@@ -24,11 +24,11 @@ from zteam.tf import Buffer
 TICK = 100_000_000
 
 
-class Transforms:
+class Transforms(Buffer):
     """The team's transforms, as the test says."""
 
     def __init__(self) -> None:
-        self.buffer = Buffer()
+        super().__init__()
         self.left: dict[int, Pose2] = {}
 
 
@@ -91,7 +91,7 @@ class Robot:
         frame = parent if parent == "map" else f"robot_0/{parent}"
         header = Header(time_from_ns(self.now), frame)
         transform = messages.TransformStamped(header, f"robot_0/{child}", messages.Transform(messages.Vector3(0.0)))
-        put = self.transforms.buffer.set_transform_static if static else self.transforms.buffer.set_transform
+        put = self.transforms.set_transform_static if static else self.transforms.set_transform
         assert put(transform, "test") is None
 
     def step(self, count: int = 1) -> Velocity:
@@ -201,7 +201,7 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
         placed = messages.TransformStamped(
             Header(stamp, "map"), "robot_0/base_footprint", messages.Transform(messages.Vector3(0.1 * tick))
         )
-        assert robot.transforms.buffer.set_transform(placed, "test") is None
+        assert robot.transforms.set_transform(placed, "test") is None
         if tick == 1:
             ranges = np.full(1, 1.4, np.float32)
             header = Header(stamp, "base_laser_link")
