@@ -103,7 +103,6 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "controller_server: {ros__parameters: {FollowPath: {use_rotate_to_heading: 3}}}",
             "nav2_params.yaml: controller_server.FollowPath.use_rotate_to_heading: true or false is expected, not 3",
         ),
-        ("planner_server: {ros__parameters: {GridBased: {neutral_cost: 300}}}", "planner_server: neutral_cost 300 and"),
         ("navigation: {ros__parameters: {localizer: gps}}", "nav2_params.yaml: localizer: 'gps' is none of amcl, fake"),
         ("controller_server: {ros__parameters: {controller_frequency: 0.0}}", "controller_frequency: a number above 0"),
         ("amcl: {ros__parameters: {min_particles: 9000}}", "min_particles 9000 and max_particles 2000"),
