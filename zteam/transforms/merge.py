@@ -140,7 +140,9 @@ class Merger:
         child = transform.child_frame_id
         known = self.statics.holders.get(child) or self.buffer.frame(child)
         if known is not None and known.authority != authority:
-            return f"{child} is said by {known.authority} already"
+            way_out = "end that process or name another child"
+            start = "a start pose belongs in [[static_transforms]] of the team file"
+            return f"{self.statics.shown(known.authority)} publishes {child} already: {way_out}; {start}"
         refused = self.statics.put(Static(Rank.CALLER, transform, authority))
         return refused.text if refused else ""
 

@@ -6,7 +6,6 @@ own names; the merger puts a robot's prefix before them.
 
 import math
 from contextlib import suppress
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -85,9 +84,7 @@ def read_description(path: Path) -> Description:
         raise ConfigError(f"{path}: not a URDF file: it begins with <{root.tag:.40}>, not <robot>")
     if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
         raise ConfigError(f"{path}: this is a xacro file: make a URDF of it first (xacro FILE > robot.urdf)")
-    joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
-    _check_tree(path, joints)
-    return Description(joints)
+    return Description(tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element))))
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
@@ -130,16 +127,3 @@ def _numbers(place: str, element: ElementTree.Element, tag: str, name: str, defa
     if len(values) != count or not all(map(math.isfinite, values)):
         raise ConfigError(f"{place}: {tag} {name} must be {count} finite number{'s' * (count > 1)}, not {text!r:.60}")
     return values
-
-
-def _check_tree(path: Path, joints: tuple[Joint, ...]) -> None:
-    """Refuse a link that is the child of two joints, and joints that form a loop."""
-    parents: dict[str, list[str]] = {}
-    for joint in joints:
-        if joint.child in parents:
-            raise ConfigError(f"{path}: link {joint.child!r:.60} hangs on two joints")
-        parents[joint.child] = [joint.parent]
-    try:
-        TopologicalSorter(parents).prepare()
-    except CycleError as error:
-        raise ConfigError(f"{path}: the joints above link {error.args[1][0]!r:.60} go round in a circle") from None

@@ -18,7 +18,6 @@ from zteam.kernels import navigation as kernels
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
-from zteam.navigation.planning.grid import GridGeometry
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
