@@ -17,7 +17,7 @@ from zteam import names
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.problems import Problem, problems_of
 from zteam.errors import UsageError
-from zteam.messages.base import Base
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
@@ -108,14 +108,15 @@ class WindowOptions(msgspec.Struct, frozen=True):
     direction."""
 
     def __post_init__(self) -> None:
-        self.outline()
+        self.outline(DEFAULT_BASE)
 
-    def outline(self) -> Footprint | None:
-        """The outline that is given, if one is."""
-        if not self.footprint:
-            return None if self.robot_radius is None else make_circle(self.robot_radius)
+    def outline(self, base: Base) -> Footprint:
+        """The outline that is given, or else that of the base. Raises ValueError."""
+        if not self.footprint and self.robot_radius is not None:
+            return make_circle(self.robot_radius)
         try:
-            return make_footprint(json.loads(self.footprint), self.footprint_padding)
+            corners = json.loads(self.footprint) if self.footprint else base.footprint
+            return make_footprint(corners, self.footprint_padding)
         except ValueError:
             example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
             raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
@@ -289,7 +290,11 @@ def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[
     return options, sorted(parameters.keys() - known.keys())
 
 
-_OWN = {"planner": ASTAR, "controller": PURSUIT}
+_OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
+    "planner": (ASTAR, AStarPlanner, AStarOptions),
+    "controller": (PURSUIT, RegulatedPurePursuit, PursuitOptions),
+}
+"""Of each kind of plug-in: zteam's own, its class and its options."""
 NAV2_NAMES = {
     "nav2_navfn_planner::NavfnPlanner": ASTAR,
     "nav2_smac_planner::SmacPlanner2D": ASTAR,
@@ -301,23 +306,26 @@ NAV2_NAMES = {
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     """A planner by its name. Raises UsageError."""
-    if (found := plugin_name("planner", name)) == ASTAR:
-        return AStarPlanner(read_options(AStarOptions, parameters)[0])
-    planner: Planner = load_offered("zteam.planners", found)(parameters)
+    planner: Planner = _make("planner", name, parameters)
     return planner
 
 
 def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
     """A controller by its name. Raises UsageError."""
-    if (found := plugin_name("controller", name)) == PURSUIT:
-        return RegulatedPurePursuit(read_options(PursuitOptions, parameters)[0])
-    controller: Controller = load_offered("zteam.controllers", found)(parameters)
+    controller: Controller = _make("controller", name, parameters)
     return controller
+
+
+def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
+    own, make, options = _OWN[kind]
+    if (found := plugin_name(kind, name)) == own:
+        return make(read_options(options, parameters)[0])
+    return load_offered(f"zteam.{kind}s", found)(parameters)
 
 
 def plugin_name(kind: str, name: str, where: str = "") -> str:
     """zteam's own name of a "planner" or "controller", or a package's, which is not imported. Raises UsageError."""
-    own, group = _OWN[kind], f"zteam.{kind}s"
+    own, group = _OWN[kind][0], f"zteam.{kind}s"
     if NAV2_NAMES.get(name.replace("/", "::"), name) == own:
         return own
     there = offered(group)
@@ -343,9 +351,9 @@ def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, I
     prefix, kind = _prefix(section, table), section.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     place = f"{prefix}plugin"
-    name = plugin_name(kind, str(own.get(place, _OWN[kind])), f"{section.node}.{place}: ")
+    name = plugin_name(kind, str(own.get(place, _OWN[kind][0])), f"{section.node}.{place}: ")
     given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
-    return Plugin(name, given), [place] if name == _OWN[kind] else own
+    return Plugin(name, given), [place] if name == _OWN[kind][0] else own
 
 
 def _prefix(section: _Section, table: Mapping[str, Any]) -> str:

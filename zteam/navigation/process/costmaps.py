@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from zteam.geometry import Pose2
 from zteam.messages.base import Base
-from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
+from zteam.navigation.planning.costmap import Costmap, make_costmap
 from zteam.navigation.planning.grid import GridGeometry, GridMap
-from zteam.navigation.planning.parameters import Parameters, WindowOptions
+from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.scans import Scan, Teammate
 
 _FAR = 8.0
@@ -25,24 +25,19 @@ class PlacedScan(NamedTuple):
     teammates: Sequence[Teammate]
 
 
-def footprint_of(window: WindowOptions, base: Base) -> Footprint:
-    """The outline that a costmap's parameters give, or else that of the base. Raises ValueError."""
-    return window.outline() or make_footprint(base.footprint, window.footprint_padding)
-
-
 class Costmaps:
     """Both costmaps of one robot. Times are in seconds."""
 
     def __init__(self, parameters: Parameters, base: Base, grid: GridMap) -> None:
         """Raises ValueError for parameters that do not fit this map or this base."""
         self._parameters, self._grid = parameters, grid
-        self.whole = Costmap(grid.frame, footprint_of(parameters.global_window, base), parameters.global_layers)
+        self.whole = Costmap(grid.frame, parameters.global_window.outline(base), parameters.global_layers)
         """The global costmap."""
         self.whole.set_map(grid)
         window = parameters.local_window
         rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
         frame = GridGeometry(rows, columns, window.resolution)
-        self.local = Costmap(frame, footprint_of(window, base), parameters.local_layers)
+        self.local = Costmap(frame, window.outline(base), parameters.local_layers)
         self._cell: tuple[int, int] | None = None
         """Row and column of the local costmap's origin in a grid of `odom`."""
         self._due_whole = self._due_local = -math.inf
@@ -66,11 +61,6 @@ class Costmaps:
 
     def look_near(self, placed: PlacedScan) -> None:
         """Bring the local costmap up to date: it moves with the robot."""
-        self._centre(placed)
-        frame = self.local.frame
-        _update(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
-
-    def _centre(self, placed: PlacedScan) -> None:
         frame = self.local.frame
         here = placed.map_from_odom.inverse().compose(placed.pose)
         column = math.floor(here.x / frame.resolution) - frame.columns // 2
@@ -80,6 +70,7 @@ class Costmaps:
         # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
         corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
         self.local.move(frame._replace(origin=placed.map_from_odom.compose(corner)), rows, columns)
+        _update(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
 
 
 def _update(costmap: Costmap, placed: PlacedScan, far: float) -> None:

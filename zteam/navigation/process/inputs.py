@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
 
 from zteam import messages, names
 from zteam.clock import FREEZES, monotonic
@@ -51,14 +50,6 @@ class TeamTransforms(TransformListener):
         self._connected.update(self.left)
 
 
-class StampedPose(NamedTuple):
-    """A pose, and since when it has been known."""
-
-    pose: Pose2
-    stamp: int
-    """ns."""
-
-
 class Inputs:
     """The newest data of one robot. Stamps are in ns."""
 
@@ -95,24 +86,24 @@ class Inputs:
     def base(self) -> Base:
         return self._bases.get(self.robot_id, DEFAULT_BASE)
 
-    def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:
-        """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
+    def find(self, target: str, source: str, time: int = 0) -> tuple[Pose2, int] | None:
+        """The pose of `source` in `target`, the newest with time 0, and its stamp (ns). None if it is unknown."""
         try:
-            return StampedPose(*self._transforms.lookup_pose2(target, source, time))
+            return self._transforms.lookup_pose2(target, source, time)
         except TransformException:
             return None
 
     def odom_pose(self, stamp: int) -> Pose2 | None:
         """The base in `odom` at `stamp`, or the newest one."""
         found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
-        return None if found is None else found.pose
+        return found and found[0]
 
     def known_pose(self) -> Pose2 | None:
         """The base in `map` as the transforms say, or as a localiser of before has left it."""
         found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
         left = self._transforms.left.get(self.robot_id)
         if found is not None:
-            return found.pose
+            return found[0]
         return None if left is None or odom is None else left.compose(odom)
 
     def planning_scan(self) -> Scan | None:
@@ -133,9 +124,9 @@ class Inputs:
         found = []
         for robot_id in sorted(robots):
             place = self.find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-            if robot_id != self.robot_id and place is not None and now - place.stamp <= OLD:
+            if robot_id != self.robot_id and place is not None and now - place[1] <= OLD:
                 radius = self._bases.get(robot_id, DEFAULT_BASE).radius
-                found.append(Teammate(place.pose.x, place.pose.y, radius))
+                found.append(Teammate(place[0].x, place[0].y, radius))
         return found
 
     def is_held(self, now: int) -> str:

@@ -180,7 +180,7 @@ def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
         return f"the goal is in the frame {frame!r}, which no transform leads to"
     if pose is None:
         return "the goal is not finite, too far away, or its orientation is no rotation"
-    return place.pose.compose(pose)
+    return place[0].compose(pose)
 
 
 def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:

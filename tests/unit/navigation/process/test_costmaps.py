@@ -9,7 +9,7 @@ from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import Parameters, WindowOptions
 from zteam.navigation.planning.scans import Scan, Teammate
-from zteam.navigation.process.costmaps import Costmaps, PlacedScan, footprint_of
+from zteam.navigation.process.costmaps import Costmaps, PlacedScan
 
 HERE = Pose2(0.0, 0.0, 0.0)
 
@@ -74,14 +74,14 @@ def test_costmaps_are_updated_at_their_frequencies() -> None:
 
 def test_the_outline_is_that_of_the_parameters_or_of_the_base() -> None:
     """A text of corners as in Nav2, a radius, or nothing."""
-    triangle = footprint_of(
-        WindowOptions(footprint="[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]", footprint_padding=0.0), DEFAULT_BASE
+    triangle = WindowOptions(footprint="[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]", footprint_padding=0.0).outline(
+        DEFAULT_BASE
     )
     assert triangle.corners.tolist() == [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]
-    assert footprint_of(WindowOptions(robot_radius=0.5), DEFAULT_BASE).inscribed_radius == 0.5
-    assert footprint_of(WindowOptions(footprint_padding=0.0), DEFAULT_BASE).corners.tolist() == [
+    assert WindowOptions(robot_radius=0.5).outline(DEFAULT_BASE).inscribed_radius == 0.5
+    assert WindowOptions(footprint_padding=0.0).outline(DEFAULT_BASE).corners.tolist() == [
         list(corner) for corner in DEFAULT_BASE.footprint
     ]
     for text in ("[[0, 0]]", "round"):
         with pytest.raises(ValueError, match="corners"):
-            footprint_of(WindowOptions(footprint=text), DEFAULT_BASE)
+            WindowOptions(footprint=text).outline(DEFAULT_BASE)
