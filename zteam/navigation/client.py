@@ -150,8 +150,6 @@ class NavigationClient:
         """The place of the newest goal among those that were sent with it."""
         self.taker = ""
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
-        self._behavior = ""
-        """What the robot's own process runs; empty while it has told nothing."""
         self.is_stopped = False
         """Whether the robot is stopped (`zteam stop`), as far as it has told: it drives on when it is released."""
         self._held: set[str] = set()
@@ -181,8 +179,7 @@ class NavigationClient:
         if self._holds(self._navigation):
             silent = "it runs, but no tick of a simulator and no data of a base comes"
             return f"the first status of {self._navigation}: {silent}"
-        runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
-        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
+        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'"
 
     @property
     def is_over(self) -> bool:
@@ -324,7 +321,7 @@ class NavigationClient:
             self._other = None
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
-        self._behavior, self.is_stopped = status.behavior, status.is_stopped
+        self.is_stopped = status.is_stopped
         self._on_change()
 
     def _on_token(self, key: str, alive: bool) -> None:

@@ -101,9 +101,8 @@ def _navigation(options: NavigationOptions) -> Part:
 
     parameters, unknown = {}, dict[str, None]()
     for i, robot in options.robots.items():
-        read = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
-        parameters[i] = read.parameters
-        unknown.update(dict.fromkeys(read.unknown))
+        parameters[i], ignored = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
+        unknown.update(dict.fromkeys(ignored))
     if unknown:
         log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}

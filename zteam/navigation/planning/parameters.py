@@ -9,12 +9,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
+from zteam.config.numbers import Count, Positive
 from zteam.config.problems import Problem, problems_of
 from zteam.errors import UsageError
 from zteam.messages.base import DEFAULT_BASE, Base
@@ -22,7 +23,6 @@ from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
     GoalOptions,
-    Positive,
     ProgressOptions,
     PursuitOptions,
     RegulatedPurePursuit,
@@ -95,8 +95,8 @@ class WindowOptions(msgspec.Struct, frozen=True):
     update_frequency: Positive = 5.0
     publish_frequency: Positive = 1.0
     """At most 2 Hz."""
-    width: Annotated[int, msgspec.Meta(gt=0)] = 3
-    height: Annotated[int, msgspec.Meta(gt=0)] = 3
+    width: Count = 3
+    height: Count = 3
     resolution: Positive = 0.05
     """Metres, of the local costmap alone."""
     robot_radius: float | None = None
@@ -202,16 +202,11 @@ NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
 
-class ReadParameters(NamedTuple):
-    """Parameters, and what was not understood."""
-
-    parameters: Parameters
-    unknown: tuple[str, ...]
-    """Names that have no effect, `node.name` each, sorted."""
-
-
-def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> ReadParameters:
-    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
+def navigation_of_robot(
+    table: Mapping[str, Any], robot_id: int, folder: Path, source: str
+) -> tuple[Parameters, list[str]]:
+    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`; and the names of those
+    that have no effect, `node.name` each, sorted.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
     `ros__parameters`. Raises UsageError; `source` is what the table is called there.
@@ -233,7 +228,7 @@ def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, s
     return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
 
 
-def _read_parameters(tables: Tables, source: str) -> ReadParameters:
+def _read_parameters(tables: Tables, source: str) -> tuple[Parameters, list[str]]:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
     found: dict[str, Any] = {}
     taken = {(OWN, "localizer")}
@@ -263,8 +258,7 @@ def _read_parameters(tables: Tables, source: str) -> ReadParameters:
     if problems:
         raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
     every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
-    unknown = sorted(f"{node}.{name}" for node, name in every - taken)
-    return ReadParameters(Parameters(**found, localizer=localizer), tuple(unknown))
+    return Parameters(**found, localizer=localizer), sorted(f"{node}.{name}" for node, name in every - taken)
 
 
 T = TypeVar("T", bound=msgspec.Struct)
