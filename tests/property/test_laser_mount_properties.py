@@ -116,7 +116,7 @@ def seen_by_navigation(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats
     transforms = Places(Received(lambda: None)).buffer
     transforms.set_transform_static(fixed, "test")
     inputs = Inputs(0, transforms, {0: DEFAULT_BASE})  # type: ignore[arg-type]
-    inputs.scan = scan
+    inputs.newest["base_scan"] = scan
     planned = inputs.planning_scan()
     assert planned is not None
     costmap = Costmap(GridGeometry(120, 120, 0.05, Pose2(-3.0, -3.0, 0.0)), make_circle(0.2))

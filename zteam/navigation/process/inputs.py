@@ -2,10 +2,12 @@
 
 import logging
 from collections.abc import Collection, Mapping
+from typing import Any
 
-from zteam import messages, names
+from zteam import names
 from zteam.clock import FREEZES, monotonic
 from zteam.geometry import Pose2
+from zteam.messages import RobotDriver, RobotState, ns_from_time
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
@@ -67,20 +69,16 @@ class Inputs:
 
     def forget(self) -> None:
         """Time jumped back."""
-        self.scan: messages.LaserScan | None = None
-        self.odom: messages.Odometry | None = None
-        self.truth: messages.Odometry | None = None
-        self.status: messages.RobotStatus | None = None
+        self.newest: dict[str, Any] = {}
+        """The newest message of each topic; a goal and an initial pose until a step takes them. Of a goal that the bus
+        dropped, what is wrong with it."""
         self.heard: float | None = None
-        """Host time at which it came; None in lock-step, where its stamp counts."""
-        self.goal: messages.PoseStamped | None = None
-        """A goal that has come since the last step."""
-        self.unreadable_goal = ""
-        """What is wrong with one that the bus dropped; empty without one."""
-        self.initial_pose: messages.PoseWithCovarianceStamped | None = None
-        """In the same way."""
-        self.stamps: dict[str, int] = {}
-        """Of the newest message, by topic."""
+        """Host time at which the status came; None in lock-step, where its stamp counts."""
+
+    def stamp(self, topic: str) -> int:
+        """Nanoseconds of the newest message of a topic; -1 without one."""
+        message = self.newest.get(topic)
+        return -1 if message is None else ns_from_time(message.header.stamp)
 
     @property
     def base(self) -> Base:
@@ -109,9 +107,9 @@ class Inputs:
     def planning_scan(self) -> Scan | None:
         """The newest scan as planning takes it; None if there is none, or if it cannot be used (`scan_problem`)."""
         self.scan_problem = ""
-        if self.scan is None:
+        if names.BASE_SCAN not in self.newest:
             return None
-        scan, laser, problem = self._lasers.level(self.scan)
+        scan, laser, problem = self._lasers.level(self.newest[names.BASE_SCAN])
         if scan is None:
             self.scan_problem = f"it needs {problem.noun}" if problem else ""
             return None
@@ -131,17 +129,17 @@ class Inputs:
 
     def is_held(self, now: int) -> str:
         """Why the robot does not obey navigation at time `now` (ns); empty if it does, as far as is known."""
-        status, heard = self.status, self.heard
+        status, heard = self.newest.get(names.STATUS), self.heard
         if status is None:
             return ""
         if heard is None:
-            age = (now - self.stamps.get(names.STATUS, now)) / 1e9
+            age = (now - self.stamp(names.STATUS)) / 1e9
         else:
             age = monotonic() - max(heard, FREEZES.look())
         if age > SILENT_AFTER:
             return f"{names.robot_name(self.robot_id)} is silent"
         if status.is_stopped:
             return STOPPED
-        if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
+        if status.state in (RobotState.BOOT, RobotState.READY):
             return "waits for GO"
-        return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""
+        return "teleop drives" if status.driver == RobotDriver.TELEOP else ""

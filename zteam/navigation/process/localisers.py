@@ -73,7 +73,7 @@ class FakeLocaliser(Localiser):
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         self.updated = False
-        truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
+        truth, stamp = inputs.newest.get(names.GROUND_TRUTH), inputs.stamp(names.GROUND_TRUTH)
         pose = None if truth is None else planar(truth.pose.pose)
         odom, self.is_outdated = inputs.odom_pose(stamp), truth is not None and now - stamp > OLD
         if pose is None or odom is None:
@@ -111,7 +111,7 @@ class AmclLocaliser(Localiser):
             key = names.robot_key(inputs.robot_id, names.INITIAL_POSE)
             self.problem = f"its place is not known: publish it on {key}"
             return
-        stamp = inputs.stamps.get(names.BASE_SCAN, 0)
+        stamp = inputs.stamp(names.BASE_SCAN)
         odom = inputs.odom_pose(stamp)
         if scan is None or odom is None:
             self.problem = "no odometry" if scan is not None else inputs.scan_problem or "no scan to localise by"

@@ -21,12 +21,12 @@ log = logging.getLogger("zteam")
 
 _VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
 """Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""
-(
-    _VALUES[0],
-    _VALUES[costs.INSCRIBED_INFLATED_OBSTACLE],
-    _VALUES[costs.LETHAL_OBSTACLE],
-    _VALUES[costs.NO_INFORMATION],
-) = 0, 99, 100, -1
+_VALUES[[costs.FREE_SPACE, costs.INSCRIBED_INFLATED_OBSTACLE, costs.LETHAL_OBSTACLE, costs.NO_INFORMATION]] = (
+    0,
+    99,
+    100,
+    -1,
+)
 
 _MOST_COSTMAPS = 2.0
 """Hz."""

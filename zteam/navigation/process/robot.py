@@ -86,7 +86,7 @@ class RobotNavigation:
         self.outputs.log(self.navigator)
 
     def _take_initial_pose(self) -> None:
-        message, self.inputs.initial_pose = self.inputs.initial_pose, None
+        message = self.inputs.newest.pop(names.INITIAL_POSE, None)
         if message is None:
             return
         pose = _read_initial_pose(message)
@@ -96,19 +96,16 @@ class RobotNavigation:
             log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), pose)
 
     def _take_goal(self) -> None:
-        message, self.inputs.goal = self.inputs.goal, None
-        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
-        if unreadable:
-            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
-        if message is None:
-            return
-        goal = _read_goal(message, self.inputs)
-        if isinstance(goal, str):
-            # A status with numbers that are not finite would be dropped.
-            told = message if is_finite(message.pose) else PoseStamped(message.header)
-            self.navigator.refuse(told, goal)
-        else:
-            self.navigator.accept(message, goal)
+        message = self.inputs.newest.pop(names.GOAL_POSE, None)
+        if isinstance(message, str):
+            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {message}")
+        elif message is not None:
+            goal = _read_goal(message, self.inputs)
+            if isinstance(goal, Pose2):
+                self.navigator.accept(message, goal)
+            else:
+                # A status with numbers that are not finite would be dropped.
+                self.navigator.refuse(message if is_finite(message.pose) else PoseStamped(message.header), goal)
 
     def _localise(self, now: int, seconds: float, robots: Collection[int]) -> PlacedScan | None:
         """What the robot sees, and from where; None if it does not know where it is."""
@@ -128,12 +125,12 @@ class RobotNavigation:
             odom = self.inputs.odom_pose(0)
             # Without odometry in the transforms, what lasers have seen stays where it is in `map`.
             map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom.inverse())
-        fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
+        fresh = now - self.inputs.stamp(names.BASE_SCAN) <= OLD
         return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
 
     def _is_outage(self, now: int) -> bool:
         """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
-        has_old_scan = self.inputs.scan is not None and now - self.inputs.stamps.get(names.BASE_SCAN, 0) > OLD
+        has_old_scan = 0 <= self.inputs.stamp(names.BASE_SCAN) < now - OLD
         return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
 
     def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
@@ -153,7 +150,8 @@ class RobotNavigation:
         if held := self.inputs.is_held(now):
             return navigator.wait(time, held, for_ever=True)
         assert placed is not None and self._costmaps is not None
-        is_stopped = self.inputs.status is not None and bool(self.inputs.status.reason)
+        status = self.inputs.newest.get(names.STATUS)
+        is_stopped = status is not None and bool(status.reason)
         pending = STOP if is_stopped else self._command
         return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
 
@@ -168,7 +166,7 @@ def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | N
         return inputs.scan_problem
     if placed is None or placed.scan is None:
         key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
-        return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
+        return f"no scan on {key} for {OLD / 1e9:g} s" if names.BASE_SCAN in inputs.newest else f"no scan on {key}"
     return ""
 
 
