@@ -10,10 +10,10 @@ from zteam.messages.planar import is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
-from zteam.navigation.process.costmaps import Costmaps, PlacedScan
+from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
-from zteam.navigation.process.navigator import STOP, Navigator, NavigatorInput
+from zteam.navigation.process.navigator import STOP, Navigator
 from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
@@ -77,11 +77,11 @@ class RobotNavigation:
         """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
         self._take_initial_pose()
         self._take_goal()
-        pose = self._localise(now, seconds, robots)
-        self._command = self._move(now, seconds, pose)
+        here = self._localise(now, seconds, robots)
+        self._command = self._move(now, here)
         self.outputs.drive(now, self._command, active=self.navigator.active)
         if self._costmaps is not None:
-            self.outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
+            self.outputs.show(now, self.navigator, None if here is None else here.pose, self._costmaps)
         self.outputs.tell(now, self.navigator)
         self.outputs.log(self.navigator)
 
@@ -107,7 +107,7 @@ class RobotNavigation:
                 # A status with numbers that are not finite would be dropped.
                 self.navigator.refuse(message if is_finite(message.pose) else PoseStamped(message.header), goal)
 
-    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> PlacedScan | None:
+    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Situation | None:
         """What the robot sees, and from where; None if it does not know where it is."""
         localiser = self._localiser
         if localiser is None:
@@ -126,37 +126,37 @@ class RobotNavigation:
             # Without odometry in the transforms, what lasers have seen stays where it is in `map`.
             map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom.inverse())
         fresh = now - self.inputs.stamp(names.BASE_SCAN) <= OLD
-        return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
+        status = self.inputs.newest.get(names.STATUS)
+        is_stopped = status is not None and bool(status.reason)
+        pending, scan = STOP if is_stopped else self._command, scan if fresh else None
+        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending, is_stopped)
 
     def _is_outage(self, now: int) -> bool:
         """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
         has_old_scan = 0 <= self.inputs.stamp(names.BASE_SCAN) < now - OLD
         return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
 
-    def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
+    def _move(self, now: int, here: Situation | None) -> Velocity:
         navigator, time = self.navigator, now / 1e9
-        problem = self._unfit or _problem(self.inputs, self._localiser, placed)
-        if placed is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+        problem = self._unfit or _problem(self.inputs, self._localiser, here)
+        if here is not None and self._costmaps is None and self._grid is not None and not self._unfit:
             try:
                 self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
             except ValueError as error:
                 self._unfit = problem = str(error)
-        if placed is not None and self._costmaps is not None:
-            self._costmaps.look(time, placed)
+        if here is not None and self._costmaps is not None:
+            self._costmaps.look(here)
         if not navigator.active:
             return STOP
         if problem:
             return navigator.wait(time, problem, for_ever=self._is_outage(now))
         if held := self.inputs.is_held(now):
             return navigator.wait(time, held, for_ever=True)
-        assert placed is not None and self._costmaps is not None
-        status = self.inputs.newest.get(names.STATUS)
-        is_stopped = status is not None and bool(status.reason)
-        pending = STOP if is_stopped else self._command
-        return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
+        assert here is not None and self._costmaps is not None
+        return navigator.step(here, self._costmaps)
 
 
-def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | None) -> str:
+def _problem(inputs: Inputs, localiser: Localiser | None, here: Situation | None) -> str:
     """What keeps a robot from driving; empty if nothing does."""
     if localiser is None:
         return NO_MAP
@@ -164,7 +164,7 @@ def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | N
         return localiser.problem
     if inputs.scan_problem:
         return inputs.scan_problem
-    if placed is None or placed.scan is None:
+    if here is None or here.scan is None:
         key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
         return f"no scan on {key} for {OLD / 1e9:g} s" if names.BASE_SCAN in inputs.newest else f"no scan on {key}"
     return ""
