@@ -131,43 +131,35 @@ class RobotNavigation:
         pending, scan = STOP if is_stopped else self._command, scan if fresh else None
         return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending, is_stopped)
 
-    def _is_outage(self, now: int) -> bool:
-        """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
-        has_old_scan = 0 <= self.inputs.stamp(names.BASE_SCAN) < now - OLD
-        return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
-
     def _move(self, now: int, here: Situation | None) -> Velocity:
-        navigator, time = self.navigator, now / 1e9
-        problem = self._unfit or _problem(self.inputs, self._localiser, here)
+        navigator = self.navigator
         if here is not None and self._costmaps is None and self._grid is not None and not self._unfit:
             try:
                 self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
             except ValueError as error:
-                self._unfit = problem = str(error)
+                self._unfit = str(error)
         if here is not None and self._costmaps is not None:
             self._costmaps.look(here)
         if not navigator.active:
             return STOP
+        problem, for_ever = self._find_problem(now, here)
         if problem:
-            return navigator.wait(time, problem, for_ever=self._is_outage(now))
-        if held := self.inputs.is_held(now):
-            return navigator.wait(time, held, for_ever=True)
+            return navigator.wait(now / 1e9, problem, for_ever=for_ever)
         assert here is not None and self._costmaps is not None
         return navigator.step(here, self._costmaps)
 
-
-def _problem(inputs: Inputs, localiser: Localiser | None, here: Situation | None) -> str:
-    """What keeps a robot from driving; empty if nothing does."""
-    if localiser is None:
-        return NO_MAP
-    if localiser.problem:
-        return localiser.problem
-    if inputs.scan_problem:
-        return inputs.scan_problem
-    if here is None or here.scan is None:
-        key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
-        return f"no scan on {key} for {OLD / 1e9:g} s" if names.BASE_SCAN in inputs.newest else f"no scan on {key}"
-    return ""
+    def _find_problem(self, now: int, here: Situation | None) -> tuple[str, bool]:
+        """What keeps the robot from driving, empty if nothing does; and whether that is no reason to give up."""
+        inputs, localiser = self.inputs, self._localiser
+        # It knew its place and saw, and what it goes by has stopped to come.
+        has_old_scan = 0 <= inputs.stamp(names.BASE_SCAN) < now - OLD
+        problem = self._unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
+        if not problem and (here is None or here.scan is None):
+            key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
+            problem = f"no scan on {key} for {OLD / 1e9:g} s" if has_old_scan else f"no scan on {key}"
+        if problem:
+            return problem, has_old_scan or (localiser is not None and localiser.is_outdated)
+        return inputs.is_held(now), True
 
 
 def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
