@@ -202,15 +202,12 @@ class NavigationClient:
     @property
     def waits_for(self) -> str:
         """What the goal waits for to be sent, and the way out; empty if it is sent."""
-        if not self.is_pending:
-            return ""
-        return self._hindrance or f"something that subscribes to {names.robot_key(self.robot_id, names.GOAL_POSE)}"
-
-    @property
-    def _hindrance(self) -> str:
-        """Why no goal is sent now; empty if one may be."""
-        other = self._other
-        return self.lack or ("" if other is None else f"the end of another goal: {goal_text(other)}")
+        if not self.is_pending or self.lack:
+            return self.lack if self.is_pending else ""
+        if self._other is not None:
+            return f"the end of another goal: {goal_text(self._other)}"
+        key = names.robot_key(self.robot_id, names.GOAL_POSE)
+        return "" if self.has_subscribers else f"something that subscribes to {key}"
 
     @property
     def _sent(self) -> GoalWatch | None:
@@ -230,7 +227,7 @@ class NavigationClient:
     def _flush(self) -> None:
         """Send the newest goal, if that is due."""
         with self._lock:
-            if self._hindrance or not (self.is_pending and self.watch and self.has_subscribers):
+            if self.watch is None or not self.is_pending or self.waits_for:
                 return
             self._stamp = max(self._now(), self._stamp + 1)
             goal = self.watch.goal

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -122,26 +122,40 @@ class WindowOptions(msgspec.Struct, frozen=True):
             raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
 
 
+class _Place(NamedTuple):
+    """Where Nav2 has the parameters of some options."""
+
+    node: str
+    kind: str = ""
+    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant; empty: the node's own."""
+    usual: str = ""
+    """The plug-in's name where none is listed."""
+    anywhere: bool = False
+    """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
+
+
 class Parameters(NamedTuple):
     """All of them."""
 
     localizer: Localizer = "amcl"
-    amcl: AmclOptions = AmclOptions()
-    initial_pose: FirstPose = FirstPose()
-    fake: FakeOptions = FakeOptions()
-    controller: ControllerOptions = ControllerOptions()
+    amcl: Annotated[AmclOptions, _Place("amcl")] = AmclOptions()
+    initial_pose: Annotated[FirstPose, _Place("amcl")] = FirstPose()
+    fake: Annotated[FakeOptions, _Place("fake_localization")] = FakeOptions()
+    controller: Annotated[ControllerOptions, _Place("controller_server")] = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
-    pursuit: PursuitOptions = PursuitOptions()
-    goal: GoalOptions = GoalOptions()
-    progress: ProgressOptions = ProgressOptions()
-    planner_server: PlannerServerOptions = PlannerServerOptions()
+    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller", "FollowPath")] = PursuitOptions()
+    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker", "general_goal_checker")] = GoalOptions()
+    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker", "progress_checker")] = (
+        ProgressOptions()
+    )
+    planner_server: Annotated[PlannerServerOptions, _Place("planner_server")] = PlannerServerOptions()
     planner_plugin: Plugin = Plugin(ASTAR)
-    planner: AStarOptions = AStarOptions()
-    recovery: RecoveryOptions = RecoveryOptions()
-    global_window: WindowOptions = WindowOptions(update_frequency=1.0)
-    global_layers: CostmapOptions = CostmapOptions()
-    local_window: WindowOptions = WindowOptions()
-    local_layers: CostmapOptions = CostmapOptions()
+    planner: Annotated[AStarOptions, _Place("planner_server", "planner", "GridBased")] = AStarOptions()
+    recovery: Annotated[RecoveryOptions, _Place("behavior_server")] = RecoveryOptions()
+    global_window: Annotated[WindowOptions, _Place("global_costmap")] = WindowOptions(update_frequency=1.0)
+    global_layers: Annotated[CostmapOptions, _Place("global_costmap", anywhere=True)] = CostmapOptions()
+    local_window: Annotated[WindowOptions, _Place("local_costmap")] = WindowOptions()
+    local_layers: Annotated[CostmapOptions, _Place("local_costmap", anywhere=True)] = CostmapOptions()
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
@@ -165,41 +179,15 @@ class Parameters(NamedTuple):
         return AStarPlanner(self.planner) if name == ASTAR else make_planner(name, given)
 
 
-class _Section(NamedTuple):
-    """Where Nav2 has the parameters of some options."""
-
-    field: str
-    """Of Parameters."""
-    node: str
-    plugins: str = ""
-    """Parameter that lists the names of plugins, the first of which is meant; empty: the node's own parameters."""
-    usual: str = ""
-    """The plugin's name where none is listed."""
-    anywhere: bool = False
-    """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
-    kind: str = ""
-    """Of plug-ins that packages may offer too: planner or controller."""
-
-
-_SECTIONS = (
-    _Section("amcl", "amcl"),
-    _Section("initial_pose", "amcl"),
-    _Section("fake", "fake_localization"),
-    _Section("controller", "controller_server"),
-    _Section("pursuit", "controller_server", "controller_plugins", "FollowPath", kind="controller"),
-    _Section("goal", "controller_server", "goal_checker_plugins", "general_goal_checker"),
-    _Section("progress", "controller_server", "progress_checker_plugins", "progress_checker"),
-    _Section("planner_server", "planner_server"),
-    _Section("planner", "planner_server", "planner_plugins", "GridBased", kind="planner"),
-    _Section("recovery", "behavior_server"),
-    _Section("global_window", "global_costmap"),
-    _Section("global_layers", "global_costmap", anywhere=True),
-    _Section("local_window", "local_costmap"),
-    _Section("local_layers", "local_costmap", anywhere=True),
-)
-NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
+_PLACES: dict[str, _Place] = {
+    field: place
+    for field, hint in get_type_hints(Parameters, include_extras=True).items()
+    for place in getattr(hint, "__metadata__", ())
+}
+"""By field of Parameters."""
+NODES = (OWN, *dict.fromkeys(place.node for place in _PLACES.values()))
 """Names of the nodes whose parameters are taken."""
-_LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
+_LISTS = frozenset(f"{place.kind}_plugins" for place in _PLACES.values())
 
 
 def navigation_of_robot(
@@ -233,25 +221,25 @@ def _read_parameters(tables: Tables, source: str) -> tuple[Parameters, list[str]
     found: dict[str, Any] = {}
     taken = {(OWN, "localizer")}
     problems: list[str] = []
-    for section in _SECTIONS:
-        table = tables.get(section.node, {})
-        if section.kind:
+    for field, place in _PLACES.items():
+        table = tables.get(place.node, {})
+        if place.kind in _OWN:
             try:
-                plugin, known = _read_plugin(section, table)
+                plugin, known = _read_plugin(place, table)
             except UsageError as error:
                 problems.append(str(error))
                 continue
-            found[f"{section.kind}_plugin"] = plugin
-            taken |= {(section.node, name) for name in known}
+            found[f"{place.kind}_plugin"] = plugin
+            taken |= {(place.node, name) for name in known}
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
-        default = Parameters._field_defaults[section.field]
-        given = _own_names(section, table, type(default))
-        taken |= {(section.node, name) for name in given.values()}
-        found[section.field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
+        default = Parameters._field_defaults[field]
+        given = _own_names(place, table, type(default))
+        taken |= {(place.node, name) for name in given.values()}
+        found[field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
         for path, text in wrong:
-            place = ".".join([section.node, *(given[str(key)] for key in path[:1])])
-            problems.append(f"{place}: {text}")
+            key = ".".join([place.node, *(given[str(key)] for key in path[:1])])
+            problems.append(f"{key}: {text}")
     localizer = tables.get(OWN, {}).get("localizer", "amcl")
     if localizer not in get_args(Localizer):
         problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
@@ -329,33 +317,33 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
     return name
 
 
-def _own_names(section: _Section, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
+def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
-    prefix = _prefix(section, table)
+    prefix = _prefix(place, table)
     found = {}
     for name in table:
-        own = name.rpartition(".")[2] if section.anywhere else name.removeprefix(prefix)
-        if own in kind.__struct_encode_fields__ and (section.anywhere or name.startswith(prefix)):
+        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix)
+        if own in kind.__struct_encode_fields__ and (place.anywhere or name.startswith(prefix)):
             found[own] = name
     return found
 
 
-def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
+def _read_plugin(place: _Place, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
     """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
-    prefix, kind = _prefix(section, table), section.kind
+    prefix, kind = _prefix(place, table), place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
-    place = f"{prefix}plugin"
-    name = plugin_name(kind, str(own.get(place, _OWN[kind][0])), f"{section.node}.{place}: ")
-    given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
-    return Plugin(name, given), [place] if name == _OWN[kind][0] else own
+    key = f"{prefix}plugin"
+    name = plugin_name(kind, str(own.get(key, _OWN[kind][0])), f"{place.node}.{key}: ")
+    given = {name.removeprefix(prefix): value for name, value in own.items() if name != key}
+    return Plugin(name, given), [key] if name == _OWN[kind][0] else own
 
 
-def _prefix(section: _Section, table: Mapping[str, Any]) -> str:
-    """What the names of the section's parameters begin with."""
-    if not section.plugins:
+def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
+    """What the names of the parameters begin with there."""
+    if not place.kind:
         return ""
-    listed = table.get(section.plugins)
-    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else section.usual
+    listed = table.get(f"{place.kind}_plugins")
+    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else place.usual
     return f"{named}."
 
 
