@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.config.resources import existing_file, read_file
+from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
 
@@ -130,13 +130,7 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
-    import yaml  # few maps need it, and it is slow to import
-
-    try:
-        fields = yaml.safe_load(read_file(path, "map", MAX_BYTES, WorldError))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise WorldError(f"{path}: not a map_server YAML file: {reason:.200}") from None
+    fields = read_yaml(path, "map", MAX_BYTES, WorldError)
     if not isinstance(fields, dict):
         raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
     try:

@@ -191,8 +191,6 @@ def _message(place: AnyPose) -> messages.PoseStamped:
         place = goal_message(place)
     if not isinstance(place, messages.PoseStamped):
         raise UsageError(f"a pose is a PoseStamped or a Pose2, not a {type(place).__name__}")
-    if not is_finite(place.pose):
-        raise UsageError("a pose has a value that is no finite number")
-    if not place.header.frame_id:
-        raise UsageError(f"a pose names no frame: header.frame_id = {names.MAP_FRAME!r}")
+    if not is_finite(place.pose) or not place.header.frame_id:
+        raise UsageError(f"a pose needs finite numbers and a frame, such as header.frame_id = {names.MAP_FRAME!r}")
     return place

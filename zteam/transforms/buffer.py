@@ -328,16 +328,13 @@ class Buffer:
     def _check_frames(self, **arguments: str) -> None:
         """Raise InvalidArgumentException or LookupException for names that no frame has."""
         for argument, name in arguments.items():
-            what = f"passed to lookupTransform argument {argument}"
-            if not name:
-                raise errors.InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
-            if name.startswith("/"):
+            if not name or name.startswith("/"):
                 raise errors.InvalidArgumentException(
-                    f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
+                    f"{argument}: {name!r} is no name of a frame: leave the slash out"
                 )
         for argument, name in arguments.items():
             if name not in self._frames:
-                raise errors.LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
+                raise errors.LookupException(f"{argument}: there is no frame {name!r}")
 
     def _solve(self, target: str, source: str, time: int) -> tree.Answer:
         """target_from_source at `time` (0 = the newest that all moving edges have); raises tf2's exceptions."""
@@ -378,7 +375,7 @@ class Buffer:
             edge = self._edges.get(frame)
             if edge is None or time is None or edge.static:
                 return edge.parent if edge is not None else ""
-            if failure := tree.extrapolation(edge.samples, time, f"from frame [{source}] to frame [{target}]"):
+            if failure := tree.extrapolation(edge.samples, time, f"between {target!r} and {source!r}"):
                 failures.append(failure)
                 return ""
             return edge.samples[edge.before(time)][1]
@@ -389,7 +386,7 @@ class Buffer:
                 found.append(parent)
                 # The newest parents never form a loop, but parents at different times can.
                 if len(found) > len(self._edges) + 1:
-                    raise errors.LookupException("The tf tree is invalid because it contains a loop.")
+                    raise errors.LookupException(f"the frames above {frame!r} form a loop at that time")
             return found
 
         up = climb(source, ())
@@ -397,10 +394,7 @@ class Buffer:
         if down[-1] not in up:
             if failures:
                 raise failures[-1]
-            raise errors.ConnectivityException(
-                f"Could not find a connection between '{target}' and '{source}' because they are not part of "
-                "the same tree.Tf has two or more unconnected trees."
-            )
+            raise errors.ConnectivityException(f"no transforms connect {target!r} and {source!r}")
         return [self._edges[f] for f in up[: up.index(down[-1])]], [self._edges[f] for f in down[:-1]]
 
 

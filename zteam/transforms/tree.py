@@ -174,24 +174,16 @@ def _in_plane(floats: Floats) -> tuple[complex, complex, float]:
 
 
 def extrapolation(samples: Sequence[Sample], time: int, leg: str) -> errors.ExtrapolationException | None:
-    """tf2's exception for a time for which a moving edge has no data."""
-    end = f", when looking up transform {leg}"
+    """tf2's exception for a time for which a moving edge has no data; `leg` is between which frames."""
     if not samples:
-        return errors.NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{end}")
+        return errors.NoDataForExtrapolationException(f"there is no data {leg}: time jumped back, or it was cleared")
     first, last = samples[0][0], samples[-1][0]
     if first <= time <= last:
         return None
-    begin = "Lookup would require extrapolation"
-    if first == last:
-        text = f"{begin} at time {_seconds(time)}, but only time {_seconds(first)} is in the buffer{end}"
-        return errors.NoDataForExtrapolationException(text)
-    is_late = time > last
-    which, known, to = ("latest", last, "into the future") if is_late else ("earliest", first, "into the past")
-    text = (
-        f"{begin} {_seconds(abs(time - known))}s {to}.  Requested time {_seconds(time)} but the {which} data is at time"
-    )
-    kind = errors.ForwardExtrapolationException if is_late else errors.BackwardExtrapolationException
-    return kind(f"{text} {_seconds(known)}{end}")
+    kind: type[errors.ExtrapolationException] = errors.NoDataForExtrapolationException
+    if first < last:
+        kind = errors.ForwardExtrapolationException if time > last else errors.BackwardExtrapolationException
+    return kind(f"there is no data {leg} at {_seconds(time)} s, but from {_seconds(first)} s to {_seconds(last)} s")
 
 
 def _seconds(nanoseconds: int) -> str:

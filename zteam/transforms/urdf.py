@@ -93,11 +93,10 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     kind = element.get("type", "")
     if kind in _SKIPPED:
         return None
-    if not name or kind not in _KINDS:
-        raise ConfigError(f"{place}: needs a name, and a type of {', '.join(_KINDS)} (not {kind!r:.40})")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
-    if not parent or not child:
-        raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
+    if not name or kind not in _KINDS or not parent or not child:
+        kinds = f"a type of {', '.join(_KINDS)} (not {kind!r:.40})"
+        raise ConfigError(f"{place}: needs a name, {kinds}, <parent link=…/> and <child link=…/>")
     x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
     roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
     ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")

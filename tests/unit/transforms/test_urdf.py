@@ -87,7 +87,7 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
         ("<model/>", "begins with <model>"),
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
         ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro/></robot>', "xacro"),
-        ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, and a type"),
+        ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, a type"),
         ('<robot><joint name="a" type="fixed"><parent link="x"/></joint></robot>', "child link"),
         (joints(joint("a", "x", "y", '<origin xyz="1 2"/>')), "origin xyz must be 3 finite numbers"),
         (joints(joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),

@@ -17,6 +17,7 @@ from zteam import names
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.numbers import Count, Positive
 from zteam.config.problems import Problem, problems_of
+from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.amcl import AmclOptions
@@ -38,6 +39,7 @@ Tables = dict[str, dict[str, Any]]
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
+MAX_BYTES = 2**20
 
 
 class Plugin(NamedTuple):
@@ -349,14 +351,7 @@ def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
 
 def _read_parameter_file(path: Path) -> Mapping[str, Any]:
     """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    import yaml
-
-    try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"cannot read the parameters {path}: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"{path} is no YAML file: {' '.join(str(error).split())}") from None
+    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
     if table is None:
         return {}
     if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):
