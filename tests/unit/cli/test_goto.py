@@ -153,7 +153,7 @@ def test_ctrl_c_cancels(
         wait_for_goal(navigation)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(goto, "wait_until", interrupt)
+    monkeypatch.setattr(goto.NavigationClient, "wait", interrupt)
     assert Goto("1 3 4").end() == 130
     assert navigation.cancels == 1
     assert capsys.readouterr().err.endswith(": x 3, y 4, yaw 0: interrupted\n")

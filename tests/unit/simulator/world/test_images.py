@@ -162,7 +162,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path, content: str) -> None:
     """Broken YAML, another document, objects and binary are one error each."""
     path = tmp_path / "x.yaml"
     path.write_text(content)
-    with pytest.raises(WorldError, match="not (a map_server )?YAML"):
+    with pytest.raises(WorldError, match=r"not (a map_server )?YAML"):
         load_world(path)
     path.write_bytes(b"#" * 100_000)
     with pytest.raises(WorldError, match="refused"):
