@@ -37,7 +37,7 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
 
     Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
     """
-    from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
+    from PIL import Image  # only a world with a bitmap pays for it
 
     try:
         with warnings.catch_warnings():
@@ -51,8 +51,6 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
                 return _channels(image, alpha)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused") from None
-    except UnidentifiedImageError:
-        raise WorldError(f"bitmap {path} is not a PGM, PNG, BMP, JPEG or GIF image") from None
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 

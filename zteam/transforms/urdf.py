@@ -80,10 +80,8 @@ def read_description(path: Path) -> Description:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         # LookupError: an encoding that Python does not have.
         raise ConfigError(f"{path}: not XML: {error}") from None
-    if root.tag != "robot":
-        raise ConfigError(f"{path}: not a URDF file: it begins with <{root.tag:.40}>, not <robot>")
-    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
-        raise ConfigError(f"{path}: this is a xacro file: make a URDF of it first (xacro FILE > robot.urdf)")
+    if root.tag != "robot" or any(each.tag.startswith("{http://www.ros.org/wiki/xacro}") for each in root.iter()):
+        raise ConfigError(f"{path}: not a URDF file, which is a <robot>; of a xacro file: xacro FILE > robot.urdf")
     return Description(tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element))))
 
 

@@ -84,7 +84,7 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
     ("text", "error"),
     [
         ("<robot", "not XML"),
-        ("<model/>", "begins with <model>"),
+        ("<model/>", "which is a <robot>"),
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
         ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro/></robot>', "xacro"),
         ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, a type"),

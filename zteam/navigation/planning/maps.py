@@ -33,10 +33,9 @@ def write_map(grid: GridMap, path: Path | str, *, mode: Mode = "trinary", suffix
     """
     path = Path(path)
     suffix = suffix or (".png" if mode == "scale" else ".pgm")
-    if suffix not in _FORMATS or path.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"a map is a file .yaml with a picture .pgm or .png, not {path.name} with {suffix}")
-    if mode == "scale" and suffix != ".png":
-        raise UsageError("mode scale marks unknown cells by transparency: it needs a .png")
+    if suffix not in _FORMATS or path.suffix not in (".yaml", ".yml") or (mode == "scale" and suffix != ".png"):
+        kinds = "a picture .pgm or .png (in mode scale .png, for unknown cells are transparent)"
+        raise UsageError(f"a map is a file .yaml with {kinds}, not {path.name} with {suffix}")
     image = path.with_suffix(suffix)
     # Thresholds that let every value come back.
     free, occupied = (0.0, 1.0) if mode == "scale" else (0.196, 0.65)

@@ -159,10 +159,8 @@ class AStarPlanner:
         """A path from `start` to `goal`, or to the nearest point up to `tolerance` from it. Raises NoPathError."""
         frame, options = costmap.frame, self.options
         for what, pose in (("start", start), ("goal", goal)):
-            if not all(map(math.isfinite, pose)):
-                raise NoPathError(f"the {what} is not finite: {tuple(pose)}")
-            if not frame.holds(*frame.cell_at(pose.x, pose.y)):
-                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map")
+            if not all(map(math.isfinite, pose)) or not frame.holds(*frame.cell_at(pose.x, pose.y)):
+                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map, or not finite")
         field = self.prepare(costmap)
         # The cell of the start, or the nearest one that a robot may be in.
         first = field.nearest_free(frame.cell_at(start.x, start.y), ESCAPE / frame.resolution)
