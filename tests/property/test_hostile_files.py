@@ -24,7 +24,7 @@ from zteam.config.resources import teams_folder, worlds_folder
 from zteam.errors import UsageError
 from zteam.messages import JointState
 from zteam.navigation.goals import read_goals
-from zteam.navigation.planning.map_files import read_map
+from zteam.navigation.planning.maps import read_map
 from zteam.navigation.planning.parameters import navigation_of_robot
 from zteam.simulator.core import Engine
 from zteam.simulator.core.occupancy_grid import map_message

@@ -113,10 +113,10 @@ def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Flo
 
 def seen_by_navigation(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Costmap]:
     """(n, 2): ends of amcl's beams in the base, and a costmap about the base."""
-    transforms = SimpleNamespace(buffer=Places(Received(lambda: None)).buffer, left={})
-    transforms.buffer.set_transform_static(fixed, "test")
+    transforms = Places(Received(lambda: None)).buffer
+    transforms.set_transform_static(fixed, "test")
     inputs = Inputs(0, transforms, {0: DEFAULT_BASE})  # type: ignore[arg-type]
-    inputs.scan = scan
+    inputs.newest["base_scan"] = scan
     planned = inputs.planning_scan()
     assert planned is not None
     costmap = Costmap(GridGeometry(120, 120, 0.05, Pose2(-3.0, -3.0, 0.0)), make_circle(0.2))

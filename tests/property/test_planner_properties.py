@@ -90,7 +90,7 @@ def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> Non
     costs[rng.random(costs.shape) < 0.6] = 0
     costs[rng.random(costs.shape) < 0.6 * share] = LETHAL_OBSTACLE
     field = Field(*costs.shape)
-    field.set_costs(costs, 50, 0.8, allow_unknown=True)
+    field.set_costs(costs, allow_unknown=True)
     free = np.argwhere(costs < 253)
     start, goal = (tuple(free[rng.integers(len(free))].tolist()) for _ in range(2))
     way = field.find_way(start, goal)

@@ -291,7 +291,7 @@ ALONE = (
     _usage("zteam-nav --ids 1 1", "--ids names a robot twice: 1"),
     _refused("zteam-nav --id 0 --param alpha1", "--param 'alpha1' is not NODE.NAME=VALUE"),
     _refused("zteam-nav --id 0 --params x.yaml --param params.a=1", "--param 'params.a=1' is not NODE.NAME=VALUE"),
-    _refused("zteam-nav --id 0 --params no.yaml", "cannot read the parameters no.yaml"),
+    _refused("zteam-nav --id 0 --params no.yaml", "no.yaml: cannot read this parameter file"),
     _refused("zteam-nav --id 0 --param amcl.alpha1=fast", 'amcl.alpha1: a number is expected, not "fast"'),
     _refused(
         "zteam-nav --id 0 --param controller_server.FollowPath.plugin=dwb",

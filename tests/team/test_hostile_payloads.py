@@ -25,7 +25,7 @@ from zteam.messages import Header, Point, Pose, PoseStamped, RobotStatus, decode
 from zteam.messages.message import encoding_of
 from zteam.messages.topics import type_of_key
 from zteam.navigation.planning.grid import make_map
-from zteam.navigation.planning.map_files import write_map
+from zteam.navigation.planning.maps import write_map
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.testing.team import TeamFixture
 from zteam.view.requests import Doc, Layer

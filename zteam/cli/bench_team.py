@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import process_time
+from zteam.config.map_files import OCCUPIED
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
-from zteam.navigation.planning.grid import OCCUPIED
+from zteam.navigation.planning.maps import map_grid
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.node.lockstep import RoundTiming
 from zteam.robot.behaviors.path import Polyline

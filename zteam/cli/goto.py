@@ -9,12 +9,12 @@ from typing import Any
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
-from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, run_tool
 from zteam.cli.sim import parse_pose
 from zteam.cli.tables import duration_text
 from zteam.cli.tool_clock import open_clock, still_text
-from zteam.clock import STILL, AutoClock, monotonic, to_seconds, wait_until
+from zteam.clock import STILL, AutoClock, monotonic, to_seconds
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
@@ -79,12 +79,12 @@ def _cancel(args: argparse.Namespace, bus: Bus) -> int:
 
 def _go(args: argparse.Namespace, bus: Bus) -> int:
     bus.check_right(names.robot_key(args.robot, names.GOAL_POSE))
-    clock, waiter = open_clock(bus, args.clock), Waiter()
-    client = NavigationClient(bus, args.robot, clock.now, on_change=waiter.notify)
+    clock = open_clock(bus, args.clock)
+    client = NavigationClient(bus, args.robot, clock.now)
     begin, watch = clock.steady(), client.send(goal_message(args.pose))
     with ProgressLine() as progress:
         try:
-            _follow(args, client, waiter, clock, progress)
+            _follow(args, client, clock, progress)
         except KeyboardInterrupt:
             _give_up(client, "interrupted")
             progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
@@ -99,9 +99,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     return 0 if watch.result == TaskResult.SUCCEEDED or (args.no_wait and not watch.ended) else 1
 
 
-def _follow(
-    args: argparse.Namespace, client: NavigationClient, waiter: Waiter, clock: AutoClock, progress: ProgressLine
-) -> None:
+def _follow(args: argparse.Namespace, client: NavigationClient, clock: AutoClock, progress: ProgressLine) -> None:
     """Wait for the end of the client's goal; with --no-wait until it is sent."""
     watch = client.watch
     assert watch is not None
@@ -117,8 +115,7 @@ def _follow(
             progress.say(text)
 
     while not is_over():
-        with waiter.changed:
-            wait_until(waiter.changed, is_over, _LOOK)
+        client.wait(is_over, _LOOK)
         client.look()
         waited = monotonic() - begin
         if client.waits_for and waited > _TELL_AFTER:

@@ -13,8 +13,7 @@ from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
-from zteam.navigation.maps import map_grid
-from zteam.navigation.planning.map_files import to_three_values, write_map
+from zteam.navigation.planning.maps import map_grid, to_three_values, write_map
 from zteam.node.output import print_line
 
 

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -33,8 +33,7 @@ from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import TFMessage, TransformStamped, to_json
 from zteam.node.output import print_block, print_json, print_line
-from zteam.transforms import Buffer, TransformException
-from zteam.transforms.causes import NO_AGGREGATOR, find_last, names_in, why_refused
+from zteam.transforms import Buffer, FrameInfo, TransformException
 from zteam.transforms.client import (
     MAX_COORDINATE,
     StaticReply,
@@ -46,6 +45,8 @@ from zteam.transforms.client import (
 from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
 from zteam.transforms.statistics import TransformWatch
 
+NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
+_SEE_TREE = " (see 'zteam tf tree')"
 _MAX_STAMP = 4e9
 """Seconds: stamps of the host's clock count from 1970, now 1.8e9."""
 
@@ -107,7 +108,7 @@ def _echo(args: argparse.Namespace) -> None:
 
         if not waiter.wait(is_known, SURVEY if limit is None else min(SURVEY, limit), ""):
             # Of a publisher that has ended, the aggregator still knows the last transform.
-            last = find_last(bus, target, source)
+            last = _find_last(bus, target, source)
             if isinstance(last, TransformStamped):
                 show(last)
                 if args.once:
@@ -123,6 +124,25 @@ def _echo(args: argparse.Namespace) -> None:
             if wait is None:
                 return
             wait()
+
+
+def _find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
+    """The aggregator's newest transform between two frames; or why there is none."""
+    frames = find_frames(bus)
+    if frames is None:
+        return NO_AGGREGATOR
+    known = _names_in(frames)
+    if missing := [frame for frame in (target, source) if frame not in known]:
+        return "; ".join(f"frame {frame!r} does not exist{near_keys(frame, known)}" for frame in missing) + _SEE_TREE
+    try:
+        return TransformClient(bus).lookup_transform(target, source)
+    except (TransformException, BusError) as error:
+        return str(error).strip() + _SEE_TREE
+
+
+def _names_in(frames: Mapping[str, FrameInfo]) -> set[str]:
+    """The frames of a tree, its roots included."""
+    return {*frames, *(info.parent for info in frames.values())}
 
 
 def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> TransformStamped:
@@ -148,7 +168,7 @@ def _show_tree(args: argparse.Namespace) -> None:
         if not frames:
             raise ZteamError(_nothing(asked is not None, "no frames to draw"))
         draw_tree(frames, listener.now, path)
-        print_line(f"{path}: {counted(len(names_in(frames)), 'frame')}")
+        print_line(f"{path}: {counted(len(_names_in(frames)), 'frame')}")
     elif args.json:
         print_json(frames)
     elif not frames:
@@ -260,7 +280,7 @@ def _hold_static(args: argparse.Namespace) -> None:
                 fresh = aggregators - asked
                 reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
                 if reply.refused:
-                    raise ZteamError(f"refused: {why_refused(bus, request, reply.refused)}")
+                    raise ZteamError(f"refused: {reply.refused}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
                 _warn_of_an_unknown_parent(bus, request)

@@ -1,15 +1,18 @@
-"""Pictures, and ROS map_server's YAML files (image, resolution, origin and thresholds)."""
+"""Pictures, and maps as ROS map_server has them: a YAML file beside a picture.
 
-import math
-import reprlib
+The rules are those of nav2_map_server (map_io.cpp): modes, thresholds, `negate`, and an origin with a yaw. Pictures
+have their uppermost row first, maps have it last.
+"""
+
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.config.resources import read_file
+from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
 
@@ -22,8 +25,11 @@ MAX_RESOLUTION = 100.0
 _FORMATS = ("PPM", "PNG", "BMP", "JPEG", "GIF")
 _BYTE_MODES = ("L", "LA", "RGB", "RGBA")
 
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Values of a map's cells (nav_msgs/OccupancyGrid)."""
 Grid = NDArray[np.bool_]
 Mode = Literal["trinary", "scale", "raw"]
+Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 
 
 def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
@@ -31,7 +37,7 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
 
     Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
     """
-    from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
+    from PIL import Image  # only a world with a bitmap pays for it
 
     try:
         with warnings.catch_warnings():
@@ -45,8 +51,6 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
                 return _channels(image, alpha)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused") from None
-    except UnidentifiedImageError:
-        raise WorldError(f"bitmap {path} is not a PGM, PNG, BMP, JPEG or GIF image") from None
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 
@@ -62,25 +66,32 @@ def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
     return values if alpha else values[:, :, : 1 if image.mode == "LA" else 3]
 
 
-class MapFile(NamedTuple):
-    """What a YAML file says."""
+class MapFile(msgspec.Struct, frozen=True):
+    """What a YAML file says. Raises ValueError for thresholds that do not fit."""
 
-    image: Path
-    resolution: float
+    image: Annotated[str, msgspec.Meta(min_length=1)]
+    """The picture beside the file."""
+    resolution: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_RESOLUTION)]
     """Metres a cell."""
-    origin: Pose2
-    """In `map`, of the lower left corner of the first cell."""
+    origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Pose in `map` of the lower left corner of the first cell."""
     mode: Mode = "trinary"
     occupied_thresh: float = 0.65
     free_thresh: float = 0.25
     negate: bool = False
 
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.free_thresh < self.occupied_thresh <= 1.0:
+            raise ValueError("free_thresh, occupied_thresh: give two shares from 0 to 1, the first one below the other")
+
 
 class FloorMap(NamedTuple):
-    """A map that map_server would publish. Its unknown cells are free here."""
+    """A map that map_server would publish."""
 
+    cells: NDArray[np.int8]
+    """(rows, columns): 0 free to 100 occupied, -1 unknown; row 0 at the bottom."""
     occupied: Grid
-    """(rows, columns), row 0 at the bottom."""
+    """(rows, columns): walls; unknown cells are none."""
     resolution: float
     """Metres a cell."""
     map_from_corner: Pose2
@@ -89,7 +100,7 @@ class FloorMap(NamedTuple):
     @property
     def size(self) -> Point2:
         """Metres along the columns, and along the rows."""
-        rows, columns = self.occupied.shape
+        rows, columns = self.cells.shape
         return columns * self.resolution, rows * self.resolution
 
     @property
@@ -104,78 +115,49 @@ def is_floor_map(path: Path) -> bool:
 
 
 def read_floor_map(path: Path) -> FloorMap:
-    """The map that a YAML file describes; its image is beside it. Raises WorldError that names file and key.
-
-    A pixel of level v (mean of its colours, 0 to 255) is occupied above `occupied_thresh` by (255 - v) / 255, or
-    v / 255 with `negate`; in mode `raw` v itself is the occupancy in percent. So do map_server and nav2.
-    """
+    """The map that a YAML file describes. Raises WorldError that names file and key."""
     file = read_map_file(path)
-    levels = read_channels(file.image)[::-1].mean(axis=2, dtype=np.float32)
-    if file.mode == "raw":
-        occupied = levels > 100.0 * file.occupied_thresh
-    else:
-        dark = levels if file.negate else 255.0 - levels
-        occupied = dark > 255.0 * file.occupied_thresh
-    found = FloorMap(occupied, file.resolution, file.origin)
+    cells = interpret(read_channels(path.parent / file.image, alpha=True), file)
+    # A raw picture has the occupancy in percent.
+    occupied = cells > 100.0 * file.occupied_thresh if file.mode == "raw" else cells == OCCUPIED
+    found = FloorMap(cells, occupied, file.resolution, Pose2(*file.origin))
     if max(found.size) > FAR:
         raise WorldError(f"{path}: resolution: {file.resolution:g} m makes a map larger than {FAR:g} m")
     return found
 
 
 def read_map_file(path: Path) -> MapFile:
-    """What a YAML file says. Raises WorldError that names file and key."""
-    fields = _read_fields(path)
-    image, mode, origin = fields.get("image"), fields.get("mode", "trinary"), fields.get("origin", [0.0, 0.0, 0.0])
-    if not isinstance(image, str) or not image:
-        raise WorldError(f"{path}: image: the name of the map's image is missing")
-    resolution = _number(path, fields, "resolution", None)
-    if not 0 < resolution <= MAX_RESOLUTION:
-        raise WorldError(f"{path}: resolution: must be above 0 and at most {MAX_RESOLUTION:g} m, not {resolution:g}")
-    if mode not in get_args(Mode):
-        raise WorldError(f"{path}: mode: must be one of {', '.join(get_args(Mode))}, not {_shown(mode)}")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(origin)}")
-    negate = fields.get("negate", 0)
-    if negate not in (0, 1):
-        raise WorldError(f"{path}: negate: must be 0 or 1, not {_shown(negate)}")
-    return MapFile(
-        path.parent / image,
-        resolution,
-        Pose2(*(_number(path, {"origin": part}, "origin", None) for part in origin)),
-        mode,
-        _number(path, fields, "occupied_thresh", 0.65),
-        _number(path, fields, "free_thresh", 0.25),
-        bool(negate),
-    )
-
-
-def _read_fields(path: Path) -> dict[str, Any]:
-    import yaml  # few maps need it, and it is slow to import
-
-    try:
-        fields = yaml.safe_load(read_file(path, "map", MAX_BYTES, WorldError))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise WorldError(f"{path}: not a map_server YAML file: {reason:.200}") from None
+    """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
+    fields = read_yaml(path, "map", MAX_BYTES, WorldError)
     if not isinstance(fields, dict):
         raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
-    return fields
-
-
-def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
-    value = fields.get(key, default)
-    if value is None:
-        raise WorldError(f"{path}: {key}: is missing")
     try:
-        # YAML 1.1 reads 1e-2 as a text.
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if abs(number) <= FAR:
-        return number
-    raise WorldError(f"{path}: {key}: {_shown(value)} is not a number here")
+        # Not strict: YAML 1.1 reads 1e-2 as a text.
+        file = msgspec.convert(fields, MapFile, strict=False)
+    except msgspec.ValidationError as error:
+        text, at, key = str(error).rpartition(" - at `$.")
+        raise WorldError(f"{path}: {key.strip('`')}{': ' if at else ''}{text}") from None
+    if existing_file(image := path.parent / file.image) is None:
+        raise WorldError(f"{path}: image: there is no {image}")
+    return file
 
 
-def _shown(value: object) -> str:
-    """A value in an error text. Aliases make short files with a full text that would fill the memory."""
-    return reprlib.repr(value)[:60]
+def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
+    """Cells (rows, columns) of a picture (rows, columns, channels), 0 to 255, as `file` says; its last row first."""
+    has_alpha, alpha = pixels.shape[2] in (2, 4), pixels[::-1, :, -1]
+    shade = (pixels[::-1, :, :-1] if has_alpha else pixels[::-1]).mean(axis=2, dtype=np.float32)
+    if file.mode == "raw":
+        percent = np.rint(shade)
+        return np.where(percent <= OCCUPIED, percent, UNKNOWN).astype(np.int8)
+    if file.mode == "trinary" and has_alpha:
+        # map_server takes the mean of red, green, blue and alpha, for the sake of old maps.
+        shade = (3.0 * shade + alpha) / 4.0
+    occupancy = (shade if file.negate else 255.0 - shade) / 255.0
+    between: Any = UNKNOWN
+    if file.mode == "scale":
+        between = np.rint((occupancy - file.free_thresh) / (file.occupied_thresh - file.free_thresh) * 100.0)
+    cells = np.where(occupancy < file.free_thresh, FREE, between)
+    cells = np.where(occupancy > file.occupied_thresh, OCCUPIED, cells)
+    if file.mode == "scale" and has_alpha:
+        cells = np.where(alpha < 255, UNKNOWN, cells)
+    return cells.astype(np.int8)

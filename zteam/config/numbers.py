@@ -5,9 +5,14 @@ A typed number has bounds: a number that is too large would fail far from the pl
 
 import math
 from collections.abc import Iterable
+from typing import Annotated
+
+import msgspec
 
 from zteam.errors import UsageError
 
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+Count = Annotated[int, msgspec.Meta(ge=1)]
 MAX_SECONDS = 1e9
 """Thirty years: longer than any run, and within the range of 64-bit nanoseconds and of time-outs."""
 

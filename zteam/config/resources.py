@@ -4,7 +4,7 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from zteam.errors import UsageError, did_you_mean
 
@@ -95,6 +95,16 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> byte
     if len(data) > most:
         raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
     return data
+
+
+def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
+    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+    import yaml  # slow to import
+
+    try:
+        return yaml.safe_load(read_file(path, what, most, error))
+    except (yaml.YAMLError, ValueError, RecursionError) as fault:
+        raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
 
 
 # Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.

@@ -1,10 +1,11 @@
 """Poses of messages in the plane, and back; and velocities that a step returns."""
 
+import math
 from numbers import Real
 from typing import Any
 
 from zteam.errors import BehaviorError
-from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
+from zteam.geometry import FAR, Pose2, quaternion_from_yaw, yaw_from_quaternion
 from zteam.messages.geometry_msgs import Point, Pose, Quaternion, Twist, Vector3
 
 
@@ -17,6 +18,20 @@ def pose2_of(pose: Pose) -> Pose2:
 def pose_message(pose: Pose2) -> Pose:
     """A pose in the plane (m, rad) as a message."""
     return Pose(Point(pose.x, pose.y), Quaternion(*quaternion_from_yaw(pose.yaw)))
+
+
+def planar(pose: Pose) -> Pose2 | None:
+    """A pose of the wire in the plane; None if it is not finite, too far away, or its orientation is no rotation."""
+    p, q = pose.position, pose.orientation
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not (abs(p.x) <= FAR and abs(p.y) <= FAR and 0.9 < norm < 1.1):
+        return None
+    return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))
+
+
+def is_finite(pose: Pose) -> bool:
+    p, q = pose.position, pose.orientation
+    return all(map(math.isfinite, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)))
 
 
 def checked_command(command: Any, what: str) -> Twist:

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import threading
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -10,11 +9,11 @@ import numpy as np
 
 from zteam import messages, names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.clock import Every, monotonic, wait_until
+from zteam.clock import Every, monotonic
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
+from zteam.messages.planar import is_finite
 from zteam.navigation.client import NavigationClient, TaskResult, find_robot_id, goal_message
-from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
 from zteam.simulator.client import team_clock
 
@@ -67,8 +66,7 @@ class BasicNavigator:
         assert link is not None
         self._node = link if isinstance(link, Node) else None
         self._clock = link.clock if isinstance(link, Node) else team_clock(link)
-        self._changed = threading.Condition(threading.RLock())
-        self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._notify)
+        self._client = NavigationClient(link, robot_id, self._clock.now)
         # In host seconds.
         self._nag, self._waits_since = Every(10.0), math.inf
         key = names.robot_key(robot_id, names.INITIAL_POSE)
@@ -110,8 +108,7 @@ class BasicNavigator:
         while not ready():
             if monotonic() >= end:
                 raise BusError(f"{trouble} within {timeout:g} s: waiting for {self._client.lack or 'it'}")
-            with self._changed:
-                wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
+            self._client.wait(ready, min(_LOOK, max(0.0, end - monotonic())))
             self._complain(self._client.lack)
 
     def setInitialPose(self, initial_pose: AnyPose) -> None:  # noqa: N802
@@ -141,16 +138,11 @@ class BasicNavigator:
         self._client.send(goals[0], goals[1:])
         return True
 
-    def _notify(self) -> None:
-        with self._changed:
-            self._changed.notify_all()
-
     def isTaskComplete(self) -> bool:  # noqa: N802
         """Whether the task has ended, or there is none. In a script it waits for up to 0.1 s, in a node not at all."""
         self._client.look()
         if self._node is None:
-            with self._changed:
-                wait_until(self._changed, lambda: self._client.is_over, _LOOK)
+            self._client.wait(lambda: self._client.is_over, _LOOK)
         if not (is_over := self._client.is_over):
             self._complain(self._client.waits_for)
         return is_over
@@ -191,8 +183,6 @@ def _message(place: AnyPose) -> messages.PoseStamped:
         place = goal_message(place)
     if not isinstance(place, messages.PoseStamped):
         raise UsageError(f"a pose is a PoseStamped or a Pose2, not a {type(place).__name__}")
-    if not is_finite(place.pose):
-        raise UsageError("a pose has a value that is no finite number")
-    if not place.header.frame_id:
-        raise UsageError(f"a pose names no frame: header.frame_id = {names.MAP_FRAME!r}")
+    if not is_finite(place.pose) or not place.header.frame_id:
+        raise UsageError(f"a pose needs finite numbers and a frame, such as header.frame_id = {names.MAP_FRAME!r}")
     return place

@@ -14,7 +14,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.clock import monotonic
+from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
@@ -123,22 +123,13 @@ class NavigationClient:
     Only `cancel` waits. A goal is kept until there is something that takes it. `look` is to be called now and then.
     """
 
-    def __init__(
-        self,
-        link: Bus | Node,
-        robot_id: int,
-        now: Callable[[], int],
-        *,
-        on_change: Callable[[], None] = lambda: None,
-        yields: bool = False,
-    ) -> None:
-        """A node handles what comes in its own time. `now()` is the team's time (ns). `on_change()` is called from the
-        bus's threads when there is news.
+    def __init__(self, link: Bus | Node, robot_id: int, now: Callable[[], int], *, yields: bool = False) -> None:
+        """A node handles what comes in its own time. `now()` is the team's time (ns).
         With `yields`, nothing is sent while a goal of another sender lasts, and the presence of the robot's navigation
         is enough for a goal to be sent: chance may lose its first status, and the next one comes a second later.
         """
         bus = self._bus = link.bus if isinstance(link, Node) else link
-        self.robot_id, self._now, self._on_change = robot_id, now, on_change
+        self.robot_id, self._now = robot_id, now
         self.name = names.robot_name(robot_id)
         self.watch: GoalWatch | None = None
         """The newest goal."""
@@ -150,15 +141,13 @@ class NavigationClient:
         """The place of the newest goal among those that were sent with it."""
         self.taker = ""
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
-        self._behavior = ""
-        """What the robot's own process runs; empty while it has told nothing."""
         self.is_stopped = False
         """Whether the robot is stopped (`zteam stop`), as far as it has told: it drives on when it is released."""
         self._held: set[str] = set()
         """The presence tokens of the robot's navigation and of its own process."""
         self._gone_since: float | None = None
         """When the process that takes the goals went away, in host seconds."""
-        self._lock = threading.RLock()
+        self._changed = threading.Condition()
         self._stamp = 0  # of the newest goal: no two have the same
         self._yields, self._other_came = yields, 0
         self._other: PoseStamped | None = None
@@ -181,13 +170,12 @@ class NavigationClient:
         if self._holds(self._navigation):
             silent = "it runs, but no tick of a simulator and no data of a base comes"
             return f"the first status of {self._navigation}: {silent}"
-        runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
-        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
+        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'"
 
     @property
     def is_over(self) -> bool:
         """Whether the newest goal has ended, and none follows it; also without a goal."""
-        with self._lock:
+        with self._changed:
             return self.watch is None or self.watch.ended
 
     @property
@@ -205,15 +193,12 @@ class NavigationClient:
     @property
     def waits_for(self) -> str:
         """What the goal waits for to be sent, and the way out; empty if it is sent."""
-        if not self.is_pending:
-            return ""
-        return self._hindrance or f"something that subscribes to {names.robot_key(self.robot_id, names.GOAL_POSE)}"
-
-    @property
-    def _hindrance(self) -> str:
-        """Why no goal is sent now; empty if one may be."""
-        other = self._other
-        return self.lack or ("" if other is None else f"the end of another goal: {goal_text(other)}")
+        if not self.is_pending or self.lack:
+            return self.lack if self.is_pending else ""
+        if self._other is not None:
+            return f"the end of another goal: {goal_text(self._other)}"
+        key = names.robot_key(self.robot_id, names.GOAL_POSE)
+        return "" if self.has_subscribers else f"something that subscribes to {key}"
 
     @property
     def _sent(self) -> GoalWatch | None:
@@ -222,7 +207,7 @@ class NavigationClient:
 
     def send(self, goal: PoseStamped, further: Iterable[PoseStamped] = ()) -> GoalWatch:
         """Send a goal, stamped when it leaves, and then the `further` ones. Returns its watch."""
-        with self._lock:
+        with self._changed:
             if self.watch is not None:
                 self.watch.end(TaskResult.FAILED, "a new goal took its place")
             watch = self.watch = GoalWatch(goal)
@@ -232,8 +217,8 @@ class NavigationClient:
 
     def _flush(self) -> None:
         """Send the newest goal, if that is due."""
-        with self._lock:
-            if self._hindrance or not (self.is_pending and self.watch and self.has_subscribers):
+        with self._changed:
+            if self.watch is None or not self.is_pending or self.waits_for:
                 return
             self._stamp = max(self._now(), self._stamp + 1)
             goal = self.watch.goal
@@ -246,16 +231,25 @@ class NavigationClient:
     def look(self) -> None:
         """Send what could not be sent before, and find out whether what took the goal is gone."""
         self._flush()
-        with self._lock:
+        with self._changed:
             if self._gone_since is None or monotonic() - self._gone_since < GONE:
                 return
             gone, self.taker, self._gone_since = self._taking_process, "", None
             if (own := self._sent) is not None:
                 own.end(TaskResult.FAILED, f"the process {gone} is gone")
 
+    def wait(self, ready: Callable[[], bool], limit: float) -> None:
+        """Wait until `ready()`, which each news may change, for `limit` host seconds at most."""
+        with self._changed:
+            wait_until(self._changed, ready, limit)
+
+    def _notify(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
     def withdraw(self) -> bool:
         """Give up what is not sent yet; returns whether that is the newest goal too."""
-        with self._lock:
+        with self._changed:
             self._further.clear()
             watch = self.watch
             if watch is None or not self.is_pending:
@@ -288,7 +282,7 @@ class NavigationClient:
         return thread
 
     def _on_other_goal(self, _key: str, goal: PoseStamped) -> None:
-        with self._lock:
+        with self._changed:
             self._other, self._other_came, own = goal, self._now(), self._sent
             # Both were sent at about the same time, and navigation may have heard one's own last.
             again = own is not None and not own.ended and own.status is None
@@ -300,7 +294,7 @@ class NavigationClient:
     def _on_status(self, _key: str, status: NavigationStatus) -> None:
         # A behaviour says whose robot's it is; navigation wins over it, whichever speaks first.
         is_behavior = status.header.frame_id == self.name
-        with self._lock:
+        with self._changed:
             if is_behavior and (self.taker == NAVIGATION or self._holds(self._navigation)):
                 return
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
@@ -312,7 +306,7 @@ class NavigationClient:
             if self._yields:
                 self._follow_other(status)
         self._flush()
-        self._on_change()
+        self._notify()
 
     def _follow_other(self, status: NavigationStatus) -> None:
         """The robot said something, about the goal of another sender, one's own or a third one."""
@@ -324,14 +318,14 @@ class NavigationClient:
             self._other = None
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
-        self._behavior, self.is_stopped = status.behavior, status.is_stopped
-        self._on_change()
+        self.is_stopped = status.is_stopped
+        self._notify()
 
     def _on_token(self, key: str, alive: bool) -> None:
-        with self._lock:
+        with self._changed:
             (self._held.add if alive else self._held.discard)(key)
             if self._yields and self._holds(self._navigation):
                 self.taker = NAVIGATION
             here = not self.taker or self._holds(self._taking_process)
             self._gone_since = None if here else self._gone_since or monotonic()
-        self._on_change()
+        self._notify()

@@ -52,39 +52,36 @@ def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
         raise ConfigError(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
     if not isinstance(root, yaml.SequenceNode) or not root.value:
         raise ConfigError(f"{path}:{_line(root) if root else 1}: a list of goals is expected, such as - {_EXAMPLE}")
-    mistakes: list[tuple[int, str]] = []
-    goals = [_read_goal(node, spread, mistakes) for node in root.value]
+    goals, mistakes = list[FileGoal](), list[str]()
+    for node in root.value:
+        try:
+            goals.append(_read_goal(node, spread))
+        except UsageError as error:
+            mistakes.append(f"{path}:{_line(node)}: {error}")
     if mistakes:
-        raise ConfigError("\n".join(f"{path}:{line}: {text}" for line, text in sorted(mistakes)))
-    return [goal for goal in goals if goal is not None]
+        raise ConfigError("\n".join(mistakes))
+    return goals
 
 
 def _line(node: Any) -> int:
     return int(node.start_mark.line) + 1
 
 
-def _read_goal(node: Any, spread: bool, mistakes: list[tuple[int, str]]) -> FileGoal | None:
-    """The goal of a node of YAML, and what is wrong with it by line; None if anything is."""
+def _read_goal(node: Any, spread: bool) -> FileGoal:
+    """The goal of a node of YAML. Raises UsageError."""
     if node.id != "mapping":
-        mistakes.append((_line(node), f"a goal is expected, such as {_EXAMPLE}"))
-        return None
+        raise UsageError(f"a goal is expected, such as {_EXAMPLE}")
     found: dict[str, Any] = {}
     for key, value in node.value:
         # A list or table counts as no text: that of nested aliases may have no end.
         name, text = (part.value if isinstance(part.value, str) else "" for part in (key, value))
-        try:
-            if name in found:
-                raise UsageError(f"{name} is given twice")
-            found[name] = None
-            found[name] = _value(name, text)
-        except UsageError as error:
-            mistakes.append((_line(key), str(error)))
+        if name in found:
+            raise UsageError(f"{name} is given twice")
+        found[name] = _value(name, text)
     for name in _KEYS[1:3] if spread else _KEYS[:3]:
         if name not in found:
             hint = ", or name the robots that share the goals: --spread 0-3" if name == "robot" else ""
-            mistakes.append((_line(node), f"the key {name} is missing{hint}"))
-    if mistakes:
-        return None
+            raise UsageError(f"the key {name} is missing{hint}")
     return FileGoal(found.get("robot"), Pose2(found["x"], found["y"], found.get("yaw", 0.0)), _line(node))
 
 

@@ -4,8 +4,8 @@ import logging
 
 from zteam import names
 from zteam.messages import OccupancyGrid
-from zteam.navigation.maps import map_message
 from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.maps import map_message
 from zteam.node.process_node import ProcessNode
 
 log = logging.getLogger("zteam")

@@ -58,7 +58,7 @@ def _simulator(options: SimOptions) -> Part:
 
 def _map_server(options: MapOptions) -> Part:
     from zteam.navigation.map_server import run_map_server
-    from zteam.navigation.planning.map_files import read_map
+    from zteam.navigation.planning.maps import read_map
 
     grid = read_map(options.file)
     return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")
@@ -101,9 +101,8 @@ def _navigation(options: NavigationOptions) -> Part:
 
     parameters, unknown = {}, dict[str, None]()
     for i, robot in options.robots.items():
-        read = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
-        parameters[i] = read.parameters
-        unknown.update(dict.fromkeys(read.unknown))
+        parameters[i], ignored = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
+        unknown.update(dict.fromkeys(ignored))
     if unknown:
         log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}

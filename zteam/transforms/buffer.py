@@ -6,7 +6,7 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,18 @@ from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, Time, Transform, TransformStamped, Vector3
 from zteam.names import strip_slash
-from zteam.transforms.errors import InvalidArgumentException, TransformException
-from zteam.transforms.rigid import compose, floats_of, rotation_matrix, scan_points, stamped_transform, twist_between
-from zteam.transforms.tree import FrameInfo, Rejection, Tree
+from zteam.transforms import errors, tree
+from zteam.transforms.rigid import (
+    IDENTITY,
+    Floats,
+    compose,
+    floats_of,
+    rotation_matrix,
+    scan_points,
+    stamped_transform,
+    twist_between,
+)
+from zteam.transforms.tree import FrameInfo, FramePath, Rejection, TimeCache
 
 log = logging.getLogger("zteam.tf")
 
@@ -33,15 +42,18 @@ class Buffer:
 
     def __init__(self, cache_time: float = DEFAULT_CACHE) -> None:
         self.lock = threading.RLock()
-        self._tree = Tree(round(cache_time * 1e9))
-        self._changed = threading.Condition(self.lock)
-        self._waiting = 0
-        self._now = 0
-
-    @property
-    def duplicates(self) -> int:
+        self._cache = round(cache_time * 1e9)
+        """Nanoseconds for which moving frames are remembered."""
+        self.duplicates = 0
         """How many samples came that their edges had already."""
-        return self._tree.duplicates
+        self._edges: dict[str, TimeCache] = {}
+        """By child frame."""
+        self._paths: dict[tuple[str, str], FramePath] = {}
+        """By target and source; cleared if a frame, a parent or a static transform changes."""
+        self._frames: set[str] = set()
+        """Every frame that was ever a child or a parent."""
+        self._changed = threading.Condition(self.lock)
+        self._now = 0
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store one sample of a moving edge; None, or why it was refused."""
@@ -54,7 +66,7 @@ class Buffer:
         Where the time `now` (ns) is known, a sample that is further ahead of it than the buffer remembers is refused:
         with it, all later ones would be too old.
         """
-        found, add, last = [], self._tree.add, now + self._tree.cache if now else None
+        found, add, last = [], self._add, now + self._cache if now else None
         with self.lock:
             for transform in transforms:
                 header, pose = transform.header, transform.transform
@@ -68,17 +80,15 @@ class Buffer:
                 refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
                 if refused is not None:
                     found.append(refused)
-            if self._waiting:
-                self._changed.notify_all()
+            self._changed.notify_all()
         return found
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store an edge that holds at all times; None, or why it was refused."""
         parent, floats = transform.header.frame_id, floats_of(transform.transform)
         with self.lock:
-            refused = self._tree.put(transform.child_frame_id, parent, 0, floats, authority, static=True)
-            if self._waiting:
-                self._changed.notify_all()
+            refused = self._put(transform.child_frame_id, parent, 0, floats, authority, static=True)
+            self._changed.notify_all()
         return refused
 
     def set_all_static(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
@@ -86,7 +96,7 @@ class Buffer:
         with self.lock:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
             parents = {child: strip_slash(t.header.frame_id) for child, t in kept.items()}
-            for child, edge in list(self._tree.edges.items()):
+            for child, edge in list(self._edges.items()):
                 # An old edge whose parent changes could make the new set look like a loop.
                 if edge.static and edge.authority == authority and parents.get(child) != edge.parent:
                     self.forget(child)
@@ -96,12 +106,16 @@ class Buffer:
     def forget(self, child: str) -> None:
         """Forget an edge and its history."""
         with self.lock:
-            self._tree.forget(child)
+            if self._edges.pop(child, None) is not None:
+                self._paths.clear()
 
     def clear(self) -> None:
         """Forget all moving data; static transforms and the names of the frames stay, as in tf2."""
         with self.lock:
-            self._tree.clear()
+            for child, edge in self._edges.items():
+                if not edge.static:
+                    self._edges[child] = TimeCache()
+            self._paths.clear()
 
     def take_time(self, now: int) -> bool:
         """Take the current time (ns): True if it jumped back, which clears the buffer and is logged."""
@@ -113,20 +127,20 @@ class Buffer:
         log.warning("Detected jump back in time of %.3f s. Clearing TF buffer.", (before - now) / 1e9)
         return True
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: int) -> TransformStamped:
+    def lookup_transform(self, target_frame: str, source_frame: str, time: int = 0) -> TransformStamped:
         """The pose of `source_frame` in `target_frame` at `time`. Raises tf2's exceptions."""
         with self.lock:
-            stamp, x, y, z, i, j, k, w = self._tree.solve(target_frame, source_frame, time)
+            stamp, x, y, z, i, j, k, w = self._solve(target_frame, source_frame, time)
         return TransformStamped(
             Header(Time(stamp // _NS, stamp % _NS), target_frame),
             source_frame,
             Transform(Vector3(x, y, z), Quaternion(i, j, k, w)),
         )
 
-    def lookup_pose2(self, target_frame: str, source_frame: str, time: int) -> tuple[Pose2, int]:
+    def lookup_pose2(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int]:
         """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
         with self.lock:
-            stamp, x, y, _, i, j, k, w = self._tree.solve(target_frame, source_frame, time)
+            stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, time)
         return Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp
 
     def lookup_transform_full(
@@ -137,14 +151,14 @@ class Buffer:
         Both are looked up relative to `fixed_frame`, which does not move between the two times.
         """
         with self.lock:
-            self._tree.check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
-            source = self._tree.solve(fixed_frame, source_frame, source_time)
-            target = self._tree.solve(target_frame, fixed_frame, target_time)
+            self._check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
+            source = self._solve(fixed_frame, source_frame, source_time)
+            target = self._solve(target_frame, fixed_frame, target_time)
         return stamped_transform(
             messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:])
         )
 
-    def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
+    def can_transform(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
         return _answers(self.lookup_transform, target_frame, source_frame, time)
 
@@ -204,54 +218,190 @@ class Buffer:
         tf2's exceptions, and InvalidArgumentException for an interval that is not above 0.
         """
         if not averaging_interval > 0.0:
-            raise InvalidArgumentException(f"an averaging interval of {averaging_interval:g} s is not above 0")
+            raise errors.InvalidArgumentException(f"an averaging interval of {averaging_interval:g} s is not above 0")
         interval = round(averaging_interval * 1e9)
         with self.lock:
-            newest = self._tree.solve(observation_frame, tracking_frame, 0)[0]
+            newest = self._solve(observation_frame, tracking_frame, 0)[0]
             end = min(newest, time + interval // 2) if time else newest
-            after = self._tree.solve(observation_frame, tracking_frame, end)
-            before = self._tree.solve(observation_frame, tracking_frame, end - interval)
+            after = self._solve(observation_frame, tracking_frame, end)
+            before = self._solve(observation_frame, tracking_frame, end - interval)
         return twist_between(before[1:], after[1:], averaging_interval)
 
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
         """Wait until the look-up answers and return its answer; after `timeout` host seconds, raise its exception."""
         with self.lock:
-            self._waiting += 1
-            try:
-                wait_until(self._changed, lambda: self.can_transform(target_frame, source_frame, time)[0], timeout)
-            finally:
-                self._waiting -= 1
+            wait_until(self._changed, lambda: self.can_transform(target_frame, source_frame, time)[0], timeout)
             return self.lookup_transform(target_frame, source_frame, time)
 
     def latest_common_time(self, target_frame: str, source_frame: str) -> int | None:
         """The newest stamp (ns) that all moving edges between two frames have; 0 if none moves, None if unconnected."""
         with self.lock:
             try:
-                return self._tree.latest(target_frame, source_frame)
-            except TransformException:
+                return self._latest(target_frame, source_frame)
+            except errors.TransformException:
                 return None
 
     def frame(self, child: str) -> FrameInfo | None:
         """The figures of one child frame; None without data."""
         with self.lock:
-            edge = self._tree.edges.get(child)
+            edge = self._edges.get(child)
             return edge.info() if edge is not None and edge.parent else None
 
     def chain(self, frame: str) -> list[str]:
         """A frame and its ancestors, the nearest first, by the newest parents; the frame alone if nothing is known."""
+        found = [frame]
         with self.lock:
-            return self._tree.chain(frame)
+            # This ends: a sample that would close a loop with the newest parents is refused.
+            while (edge := self._edges.get(found[-1])) is not None and edge.parent:
+                found.append(edge.parent)
+        return found
 
     def frames(self) -> dict[str, FrameInfo]:
         """The figures of every child frame, sorted by name."""
         with self.lock:
-            return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
+            return {child: edge.info() for child, edge in sorted(self._edges.items()) if edge.parent}
+
+    # All below: callers hold the lock.
+
+    def _add(self, child: str, parent: str, stamp: int, floats: Floats, authority: str) -> Rejection | None:
+        """`_put` a moving sample, in short where it is a usual one."""
+        edge = self._edges.get(child)
+        if edge is not None and edge.parent == parent and not edge.static:
+            x, y, z, i, j, k, w = floats
+            # A newer one, with a unit quaternion and finite numbers: NaN or inf would make the sum NaN.
+            if edge.newest < stamp:
+                if -tree.ROUNDING < i * i + j * j + k * k + w * w - 1.0 + (x + y + z) * 0.0 < tree.ROUNDING:
+                    edge.insert(stamp, edge.parent, floats, self._cache)
+                    edge.authority = authority
+                    return None
+            # What is sent again.
+            elif edge.samples[-1] == (stamp, parent, floats):
+                self.duplicates += 1
+                return None
+        return self._put(child, parent, stamp, floats, authority)
+
+    def _put(
+        self, child: str, parent: str, stamp: int, floats: Floats, authority: str, *, static: bool = False
+    ) -> Rejection | None:
+        """Store a sample, or a static transform; None, or why it was refused. Names may have a leading slash."""
+        child, parent = strip_slash(child), strip_slash(parent)
+        refused = tree.check_sample(parent, child, floats, authority)
+        if refused is not None:
+            return refused
+        floats = tree.normalise(floats)
+        edge = self._edges.get(child)
+        if edge is not None and edge.parent and not static:
+            if edge.static:
+                text = f"{child} is static by {edge.authority}: {authority}'s sample is refused"
+                return Rejection("TF_STATIC_FRAME", text)
+            if edge.newest > stamp + self._cache:
+                text = f"{child} from {authority} is older than the cache of {self._cache / 1e9} s"
+                return Rejection("TF_OLD_DATA", text)
+            known = edge.find(stamp)
+            if known == (stamp, parent, floats):
+                self.duplicates += 1
+                return None
+            if known is not None:
+                return Rejection("TF_REPEATED_DATA", f"{child} has a sample of {stamp / 1e9:.9f} s already")
+        if (edge is None or edge.parent != parent) and child in self.chain(parent):
+            other = self._edges[parent].authority if parent in self._edges else authority
+            return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
+        if edge is None or not edge.parent or static:
+            edge = self._edges[child] = TimeCache(static)
+        if edge.parent != parent or static:
+            self._paths.clear()
+        edge.insert(stamp, parent, floats, self._cache)
+        edge.authority = authority
+        self._frames.update((child, parent))
+        return None
+
+    def _latest(self, target: str, source: str) -> int:
+        """The newest time that all moving edges between two frames have; raises where they are not connected."""
+        path = self._paths.get((target, source)) or self._prepare(target, source)
+        if path is not None:
+            return path.newest
+        if target != source:
+            return FramePath(*self._find_edges(target, source)).newest
+        edge = self._edges.get(target)
+        return edge.newest if edge is not None else 0
+
+    def _check_frames(self, **arguments: str) -> None:
+        """Raise InvalidArgumentException or LookupException for names that no frame has."""
+        for argument, name in arguments.items():
+            if not name or name.startswith("/"):
+                raise errors.InvalidArgumentException(
+                    f"{argument}: {name!r} is no name of a frame: leave the slash out"
+                )
+        for argument, name in arguments.items():
+            if name not in self._frames:
+                raise errors.LookupException(f"{argument}: there is no frame {name!r}")
+
+    def _solve(self, target: str, source: str, time: int) -> tree.Answer:
+        """target_from_source at `time` (0 = the newest that all moving edges have); raises tf2's exceptions."""
+        path = self._paths.get((target, source)) or self._prepare(target, source, time)
+        answer = path.solve(time or path.newest) if path is not None else None
+        if answer is not None:
+            return answer
+        time = time or self._latest(target, source)
+        if target == source:
+            return (time, *IDENTITY)
+        # The parents at that time may differ from the newest ones. Where an edge has no data, this raises.
+        answer = FramePath(*self._find_edges(target, source, time)).solve(time)
+        assert answer is not None
+        return answer
+
+    def _prepare(self, target: str, source: str, time: int = 0) -> FramePath | None:
+        """The path by the newest parents; None if it does not hold at every time, or if there is one at times only."""
+        if target == source:
+            return None
+        self._check_frames(target_frame=target, source_frame=source)
+        try:
+            up, down = self._find_edges(target, source)
+        except errors.ConnectivityException:
+            if not time:
+                raise
+            return None
+        if any(parent != edge.parent for edge in (*up, *down) for _, parent, _ in edge.samples):
+            # At other times the path was another one.
+            return None
+        path = self._paths[target, source] = FramePath(up, down)
+        return path
+
+    def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:
+        """The edges up to the common ancestor, by the newest parents or those at `time`. Raises tf2's exceptions."""
+        failures: list[errors.ExtrapolationException] = []
+
+        def parent_of(frame: str) -> str:
+            edge = self._edges.get(frame)
+            if edge is None or time is None or edge.static:
+                return edge.parent if edge is not None else ""
+            if failure := tree.extrapolation(edge.samples, time, f"between {target!r} and {source!r}"):
+                failures.append(failure)
+                return ""
+            return edge.samples[edge.before(time)][1]
+
+        def climb(frame: str, ends: Container[str]) -> list[str]:
+            found = [frame]
+            while found[-1] not in ends and (parent := parent_of(found[-1])):
+                found.append(parent)
+                # The newest parents never form a loop, but parents at different times can.
+                if len(found) > len(self._edges) + 1:
+                    raise errors.LookupException(f"the frames above {frame!r} form a loop at that time")
+            return found
+
+        up = climb(source, ())
+        down = climb(target, set(up))
+        if down[-1] not in up:
+            if failures:
+                raise failures[-1]
+            raise errors.ConnectivityException(f"no transforms connect {target!r} and {source!r}")
+        return [self._edges[f] for f in up[: up.index(down[-1])]], [self._edges[f] for f in down[:-1]]
 
 
 def _answers(look_up: Callable[..., object], *arguments: str | int) -> tuple[bool, str]:
     """Whether a look-up answers; if not, also its error text."""
     try:
         look_up(*arguments)
-    except TransformException as error:
+    except errors.TransformException as error:
         return False, str(error)
     return True, ""

@@ -6,16 +6,12 @@ A drawing is an SVG, PNG, PDF, or a Graphviz file. Everywhere `now` is the team'
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-from xml.sax.saxutils import escape
 
+from zteam.canvas import Pixels, Svg
 from zteam.errors import UsageError, printable
 from zteam.geometry import Point2, rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
 from zteam.transforms.tree import FrameInfo
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 PICTURES = (".svg", ".png", ".pdf", ".dot")
 """Endings of the files that `draw_tree` can write."""
@@ -24,32 +20,8 @@ STALE = 1.0
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 190, 30, 16, 62, 14
 _INK, _BROKEN, _FILL, _BLACK = "#445566", "#cc0000", "#eef3fb", "#000000"
-_OVERSAMPLING = 2
-"""Pixels of a PNG or PDF for each of the drawing, so that it can be enlarged."""
-_MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
-"""Bounds of a PNG or PDF: of formats, and of memory."""
-
-
-class _Text(NamedTuple):
-    """A text in a drawing; its place is the left end of its base line, or the middle of it."""
-
-    place: Point2
-    text: str
-    size: int
-    color: str
-    in_the_middle: bool = False
-
-
-class _Drawing(NamedTuple):
-    """The tree in pixels."""
-
-    width: float
-    height: float
-    boxes: list[Point2]
-    """Their upper left corners."""
-    lines: list[tuple[list[Point2], str]]
-    """From parents to children, with their colour; broken ones are dashed."""
-    texts: list[_Text]
+_MAX_SIDE, _MAX_PIXELS = 32_000, 50_000_000
+"""Bounds of a drawing as PNG or PDF, which have more pixels: of formats, and of memory."""
 
 
 def format_transform(transform: TransformStamped) -> str:
@@ -115,17 +87,17 @@ def _is_broken(info: FrameInfo, now: int) -> bool:
 
 def draw_tree(frames: Mapping[str, FrameInfo], now: int, path: Path) -> None:
     """Draw the tree into a file of one of PICTURES. Raises UsageError."""
-    texts = {".dot": tree_as_dot, ".svg": tree_as_svg}
+    suffix = path.suffix.lower()
     try:
-        if write := texts.get(path.suffix.lower()):
-            path.write_text(write(frames, now), encoding="utf-8")
+        if suffix == ".dot":
+            path.write_text(_as_dot(frames, now), encoding="utf-8")
         else:
-            _as_image(_compose(frames, now)).save(path, resolution=72.0 * _OVERSAMPLING)
+            _draw(frames, now, Svg if suffix == ".svg" else Pixels).save(path)
     except OSError as error:
         raise UsageError(f"{path}: cannot write the tree: {error.strerror or error}") from None
 
 
-def tree_as_dot(frames: Mapping[str, FrameInfo], now: int) -> str:
+def _as_dot(frames: Mapping[str, FrameInfo], now: int) -> str:
     """The tree as a Graphviz file, which `dot -Tpdf frames.dot -o frames.pdf` turns into a PDF."""
     lines = ["digraph frames {", "  node [shape=box, fontname=sans]; edge [fontname=sans, fontsize=10];"]
     for child, info in sorted(frames.items()):
@@ -139,65 +111,27 @@ def _quoted(text: str) -> str:
     return printable(text).replace("\\", "\\\\").replace('"', '\\"')
 
 
-def _compose(frames: Mapping[str, FrameInfo], now: int) -> _Drawing:
-    """Boxes for frames with edges between them: parents are above their children."""
+def _draw(frames: Mapping[str, FrameInfo], now: int, kind: type[Svg | Pixels]) -> Svg | Pixels:
+    """Boxes for frames with edges between them: parents are above their children, broken edges are red and dashed."""
     places = _lay_out(frames)
     width = max((x for x, _ in places.values()), default=_MARGIN) + _BOX_WIDTH + _MARGIN
     height = max((y for _, y in places.values()), default=_MARGIN) + _BOX_HEIGHT + _MARGIN
-    drawing = _Drawing(width, height, [place for _, place in sorted(places.items())], [], [])
+    if kind is Pixels and (max(width, height) > _MAX_SIDE or width * height > _MAX_PIXELS):
+        raise UsageError(f"the tree has {len(places)} frames, too many for pixels: name a .svg or .dot file")
+    canvas = kind(width, height)
     for child, info in sorted(frames.items()):
         (x0, y0), (x1, y1) = places[info.parent], places[child]
         x0, y0, x1 = x0 + _BOX_WIDTH / 2, y0 + _BOX_HEIGHT, x1 + _BOX_WIDTH / 2
-        bend = y0 + 14
-        color = _BROKEN if _is_broken(info, now) else _INK
-        drawing.lines.append(([(x0, y0), (x0, bend), (x1, bend), (x1, y1)], color))
+        bend, is_broken = y0 + 14, _is_broken(info, now)
+        color = _BROKEN if is_broken else _INK
+        canvas.line([(x0, y0), (x0, bend), (x1, bend), (x1, y1)], color, dashed=is_broken)
         for row, text in enumerate((info.authority, _figures(info, now))):
-            drawing.texts.append(_Text((x1 + 5, bend + 14 + 13 * row), text, 10, color))
+            canvas.text((x1 + 5, bend + 14 + 13 * row), text, 10, color)
     for frame, (x, y) in sorted(places.items()):
-        drawing.texts.append(_Text((x + _BOX_WIDTH / 2, y + 20), frame, 13, _BLACK, in_the_middle=True))
-    return drawing
-
-
-def tree_as_svg(frames: Mapping[str, FrameInfo], now: int) -> str:
-    """The tree as SVG: parents are above their children, broken edges are red and dashed."""
-    drawing = _compose(frames, now)
-    extent = f'width="{drawing.width:.0f}" height="{drawing.height:.0f}"'
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {extent} font-family="sans-serif">',
-        '<rect width="100%" height="100%" fill="white"/>',
-    ]
-    for points, color in drawing.lines:
-        path = "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in points)
-        dash = ' stroke-dasharray="5 4"' if color == _BROKEN else ""
-        parts.append(f'<path d="{path}" fill="none" stroke="{color}"{dash}/>')
-    box = f'width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" fill="{_FILL}" stroke="{_INK}"'
-    parts += [f'<rect x="{x:.0f}" y="{y:.0f}" {box}/>' for x, y in drawing.boxes]
-    for (x, y), text, size, color, in_the_middle in drawing.texts:
-        look = f'font-size="{size}" fill="{color}" text-anchor="{"middle" if in_the_middle else "start"}"'
-        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {look}>{escape(printable(text))}</text>')
-    return "\n".join([*parts, "</svg>", ""])
-
-
-def _as_image(drawing: _Drawing) -> "Image":
-    """The drawing in pixels. Raises UsageError if it would be too large."""
-    from PIL import Image, ImageDraw, ImageFont
-
-    scale = _OVERSAMPLING
-    width, height = round(drawing.width * scale), round(drawing.height * scale)
-    if max(width, height) > _MAX_SIDE or width * height > _MAX_PIXELS:
-        raise UsageError(f"the tree has {len(drawing.boxes)} frames, too many for pixels: name a .svg or .dot file")
-    image = Image.new("RGB", (width, height), "white")
-    pen = ImageDraw.Draw(image)
-    fonts = {size: ImageFont.load_default(size * scale) for size in {text.size for text in drawing.texts}}
-    for points, color in drawing.lines:
-        pen.line([(x * scale, y * scale) for x, y in points], fill=color, width=scale)
-    for x, y in drawing.boxes:
-        corners = (x * scale, y * scale, (x + _BOX_WIDTH) * scale, (y + _BOX_HEIGHT) * scale)
-        pen.rounded_rectangle(corners, 6 * scale, fill=_FILL, outline=_INK, width=scale)
-    for (x, y), text, size, color, in_the_middle in drawing.texts:
-        anchor = "ms" if in_the_middle else "ls"
-        pen.text((x * scale, y * scale), printable(text), fill=color, font=fonts[size], anchor=anchor)
-    return image
+        right, low = x + _BOX_WIDTH, y + _BOX_HEIGHT
+        canvas.area([(x, y), (right, y), (right, low), (x, low)], _FILL, _INK)
+        canvas.text((x + _BOX_WIDTH / 2, y + 20), frame, 13, _BLACK, centred=True)
+    return canvas
 
 
 def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Point2]:

@@ -133,10 +133,7 @@ class LaserMounts:
         """base_from_laser; or why it is not known, or of no use."""
         given, stamp = names.strip_slash(header.frame_id), ns_from_time(header.stamp)
         if not given:
-            way_out = (
-                f"set header.frame_id of its scans to its laser's frame, and publish where that is on {self._statics}"
-            )
-            return LaserProblem("a frame_id in the header of its scans", way_out)
+            return self._problem("a frame_id in the header of its scans", "its laser's frame")
         is_full = names.robot_id_of(given.partition("/")[0]) is not None
         frame = given if is_full else names.resolve_frame(self._robot, header.frame_id)
         for buffer in self._buffers:
@@ -145,11 +142,12 @@ class LaserMounts:
             found = self._find_in(buffer, known, stamp)
             if found is not None:
                 return found
-        return LaserProblem(
-            f"its laser's frame {frame} ({self._statics}, from its base)",
-            f"have its base publish {self._base} -> {frame} on {self._statics}, or name a frame of 'zteam tf tree' in"
-            " the header of its scans",
-        )
+        return self._problem(f"its laser's frame {frame} ({self._statics}, from its base)", frame)
+
+    def _problem(self, noun: str, frame: str) -> LaserProblem:
+        where = f"{self._base} -> {frame} on {self._statics}, in metres and level to {math.degrees(MAX_TILT):.0f}°"
+        moves = f"with every scan on {self._tf} if it moves"
+        return LaserProblem(noun, f"have its base publish {where} ({moves}), and name it in the header of its scans")
 
     def _find_in(self, buffer: Buffer, frame: str, stamp: int) -> Floats | LaserProblem | None:
         """The same by one buffer, None where it does not connect the frame to the base."""
@@ -159,29 +157,17 @@ class LaserMounts:
             if common is None:
                 return None
             if common in buffer.chain(self._odom) or not common.startswith(f"{self._robot}/"):
-                return LaserProblem(
-                    f"a laser on its own base (its scans are in {frame}, which is not)",
-                    f"set header.frame_id of its scans to a frame below {self._base}",
-                )
+                return self._problem(f"a laser on its own base (its scans are in {frame}, which is not)", frame)
             mount = self._newest_in(buffer, frame, stamp)
         if mount is None:
-            return LaserProblem(
-                f"newer transforms of its laser's frame {frame} ({self._tf})",
-                f"have the process that moves {frame} publish it with every scan, with the stamps of its clock",
-            )
-        offset = math.hypot(*mount[:2])
+            return self._problem(f"newer transforms of its laser's frame {frame} ({self._tf})", frame)
+        offset, (tilt, _) = math.hypot(*mount[:2]), tilt_of(mount[3:])
         if not offset <= MAX_OFFSET:
-            return LaserProblem(
-                f"a laser on its base ({frame} is {offset:.3g} m away from it, {MAX_OFFSET:g} m is the most)",
-                f"correct the translation of {self._base} -> {frame}, in metres ('zteam tf echo' shows it)",
-            )
-        tilt, _ = tilt_of(mount[3:])
+            far = f"{frame} is {offset:.3g} m away from it, {MAX_OFFSET:g} m is the most"
+            return self._problem(f"a laser on its base ({far})", frame)
         if tilt > MAX_TILT + 1e-9:
             tilted, most = (f"{math.degrees(angle):.0f}°" for angle in (tilt, MAX_TILT))
-            return LaserProblem(
-                f"a level laser ({frame} is tilted by {tilted}, {most} is the most)",
-                f"mount it level, or correct the rotation of {self._base} -> {frame} ('zteam tf echo' shows it)",
-            )
+            return self._problem(f"a level laser ({frame} is tilted by {tilted}, {most} is the most)", frame)
         return mount
 
     def _newest_in(self, buffer: Buffer, frame: str, stamp: int) -> Floats | None:

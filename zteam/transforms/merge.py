@@ -67,7 +67,11 @@ class Merger:
             apart = ns_from_time(transform.header.stamp) - known
             if known and (apart > MAX_APART or (now and apart < -MAX_APART)):
                 if trusts:
-                    self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, known))
+                    # With a stamp far ahead, all later samples would be too old.
+                    side = "ahead of" if apart > 0 else "behind"
+                    far = f"{transform.child_frame_id} from {authority} is {abs(apart) / 1e9:.1f} s {side}"
+                    text = f"{far} the team's clock: set its clock"
+                    self._report(transform.child_frame_id, authority, Rejection(side, text))
             elif tick and not is_base(transform.child_frame_id):
                 held = self._held.setdefault(authority, [])
                 if len(held) < MAX_HELD:
@@ -140,7 +144,9 @@ class Merger:
         child = transform.child_frame_id
         known = self.statics.holders.get(child) or self.buffer.frame(child)
         if known is not None and known.authority != authority:
-            return f"{child} is said by {known.authority} already"
+            way_out = "end that process or name another child"
+            start = "a start pose belongs in [[static_transforms]] of the team file"
+            return f"{self.statics.shown(known.authority)} publishes {child} already: {way_out}; {start}"
         refused = self.statics.put(Static(Rank.CALLER, transform, authority))
         return refused.text if refused else ""
 
@@ -213,11 +219,3 @@ def _order(held: _Held) -> tuple[int, str, int, bytes]:
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
     tick, transform, _ = held
     return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
-
-
-def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:
-    """A stamp is too far from the clock `now` (ns): with one far ahead, all later samples would be too old."""
-    apart = ns_from_time(transform.header.stamp) - now
-    side = "ahead of" if apart > 0 else "behind"
-    far = f"{abs(apart) / 1e9:.1f} s {side}"
-    return Rejection(side, f"{transform.child_frame_id} from {authority} is {far} the team's clock: set its clock")

@@ -1,14 +1,13 @@
-"""The tree of frames: samples of edges, paths, and tf2's reasons to refuse. Callers hold the buffer's lock."""
+"""Edges of the tree of frames, paths over them, and tf2's reasons to refuse. Callers hold the buffer's lock."""
 
 import math
 from bisect import bisect_left
 from cmath import sqrt
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
 
-from zteam.names import strip_slash
 from zteam.transforms import errors
 from zteam.transforms.rigid import IDENTITY, Floats, compose, interpolate, invert
 
@@ -174,197 +173,17 @@ def _in_plane(floats: Floats) -> tuple[complex, complex, float]:
     return complex(floats[0], floats[1]), half * half, floats[2]
 
 
-class Tree:
-    """All edges."""
-
-    def __init__(self, cache: int) -> None:
-        """`cache` is how long moving frames are remembered, in ns."""
-        self.cache, self.duplicates = cache, 0
-        self.edges: dict[str, TimeCache] = {}
-        """By child frame."""
-        self._paths: dict[tuple[str, str], FramePath] = {}
-        """By target and source; cleared if a frame, a parent or a static transform changes."""
-        self._frames: set[str] = set()
-        """Every frame that was ever a child or a parent."""
-
-    def add(self, child: str, parent: str, stamp: int, floats: Floats, authority: str) -> Rejection | None:
-        """`put` a moving sample, in short where it is a usual one."""
-        edge = self.edges.get(child)
-        if edge is not None and edge.parent == parent and not edge.static:
-            x, y, z, i, j, k, w = floats
-            # A newer one, with a unit quaternion and finite numbers: NaN or inf would make the sum NaN.
-            if edge.newest < stamp:
-                if -ROUNDING < i * i + j * j + k * k + w * w - 1.0 + (x + y + z) * 0.0 < ROUNDING:
-                    edge.insert(stamp, edge.parent, floats, self.cache)
-                    edge.authority = authority
-                    return None
-            # What is sent again.
-            elif edge.samples[-1] == (stamp, parent, floats):
-                self.duplicates += 1
-                return None
-        return self.put(child, parent, stamp, floats, authority)
-
-    def put(
-        self, child: str, parent: str, stamp: int, floats: Floats, authority: str, *, static: bool = False
-    ) -> Rejection | None:
-        """Store a sample, or a static transform; None, or why it was refused. Names may have a leading slash."""
-        child, parent = strip_slash(child), strip_slash(parent)
-        refused = _check(parent, child, floats, authority)
-        if refused is not None:
-            return refused
-        floats = _normalise(floats)
-        edge = self.edges.get(child)
-        if edge is not None and edge.parent and not static:
-            if edge.static:
-                text = f"{child} is static by {edge.authority}: {authority}'s sample is refused"
-                return Rejection("TF_STATIC_FRAME", text)
-            if edge.newest > stamp + self.cache:
-                text = f"{child} from {authority} is older than the cache of {self.cache / 1e9} s"
-                return Rejection("TF_OLD_DATA", text)
-            known = edge.find(stamp)
-            if known == (stamp, parent, floats):
-                self.duplicates += 1
-                return None
-            if known is not None:
-                return Rejection("TF_REPEATED_DATA", f"{child} has a sample of {stamp / 1e9:.9f} s already")
-        if (edge is None or edge.parent != parent) and child in self.chain(parent):
-            other = self.edges[parent].authority if parent in self.edges else authority
-            return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
-        if edge is None or not edge.parent or static:
-            edge = self.edges[child] = TimeCache(static)
-        if edge.parent != parent or static:
-            self._paths.clear()
-        edge.insert(stamp, parent, floats, self.cache)
-        edge.authority = authority
-        self._frames.update((child, parent))
-        return None
-
-    def chain(self, frame: str) -> list[str]:
-        """A frame and its ancestors, by the newest parents."""
-        found = [frame]
-        # This ends: a sample that would close a loop with the newest parents is refused.
-        while (edge := self.edges.get(found[-1])) is not None and edge.parent:
-            found.append(edge.parent)
-        return found
-
-    def forget(self, child: str) -> None:
-        if self.edges.pop(child, None) is not None:
-            self._paths.clear()
-
-    def clear(self) -> None:
-        for child, edge in self.edges.items():
-            if not edge.static:
-                self.edges[child] = TimeCache()
-        self._paths.clear()
-
-    def latest(self, target: str, source: str) -> int:
-        """The newest time that all moving edges between two frames have; raises where they are not connected."""
-        path = self._paths.get((target, source)) or self._prepare(target, source)
-        if path is not None:
-            return path.newest
-        if target != source:
-            return FramePath(*self._find_edges(target, source)).newest
-        edge = self.edges.get(target)
-        return edge.newest if edge is not None else 0
-
-    def check_frames(self, **arguments: str) -> None:
-        """Raise InvalidArgumentException or LookupException for names that no frame has."""
-        for argument, name in arguments.items():
-            what = f"passed to lookupTransform argument {argument}"
-            if not name:
-                raise errors.InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
-            if name.startswith("/"):
-                raise errors.InvalidArgumentException(
-                    f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
-                )
-        for argument, name in arguments.items():
-            if name not in self._frames:
-                raise errors.LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
-
-    def solve(self, target: str, source: str, time: int) -> Answer:
-        """target_from_source at `time` (0 = the newest that all moving edges have); raises tf2's exceptions."""
-        path = self._paths.get((target, source)) or self._prepare(target, source, time)
-        answer = path.solve(time or path.newest) if path is not None else None
-        if answer is not None:
-            return answer
-        time = time or self.latest(target, source)
-        if target == source:
-            return (time, *IDENTITY)
-        # The parents at that time may differ from the newest ones. Where an edge has no data, this raises.
-        answer = FramePath(*self._find_edges(target, source, time)).solve(time)
-        assert answer is not None
-        return answer
-
-    def _prepare(self, target: str, source: str, time: int = 0) -> FramePath | None:
-        """The path by the newest parents; None if it does not hold at every time, or if there is one at times only."""
-        if target == source:
-            return None
-        self.check_frames(target_frame=target, source_frame=source)
-        try:
-            up, down = self._find_edges(target, source)
-        except errors.ConnectivityException:
-            if not time:
-                raise
-            return None
-        if any(parent != edge.parent for edge in (*up, *down) for _, parent, _ in edge.samples):
-            # At other times the path was another one.
-            return None
-        path = self._paths[target, source] = FramePath(up, down)
-        return path
-
-    def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:
-        """The edges up to the common ancestor, by the newest parents or those at `time`. Raises tf2's exceptions."""
-        failures: list[errors.ExtrapolationException] = []
-
-        def parent_of(frame: str) -> str:
-            edge = self.edges.get(frame)
-            if edge is None or time is None or edge.static:
-                return edge.parent if edge is not None else ""
-            if failure := _extrapolation(edge.samples, time, f"from frame [{source}] to frame [{target}]"):
-                failures.append(failure)
-                return ""
-            return edge.samples[edge.before(time)][1]
-
-        def climb(frame: str, ends: Container[str]) -> list[str]:
-            found = [frame]
-            while found[-1] not in ends and (parent := parent_of(found[-1])):
-                found.append(parent)
-                # The newest parents never form a loop, but parents at different times can.
-                if len(found) > len(self.edges) + 1:
-                    raise errors.LookupException("The tf tree is invalid because it contains a loop.")
-            return found
-
-        up = climb(source, ())
-        down = climb(target, set(up))
-        if down[-1] not in up:
-            if failures:
-                raise failures[-1]
-            raise errors.ConnectivityException(
-                f"Could not find a connection between '{target}' and '{source}' because they are not part of "
-                "the same tree.Tf has two or more unconnected trees."
-            )
-        return [self.edges[f] for f in up[: up.index(down[-1])]], [self.edges[f] for f in down[:-1]]
-
-
-def _extrapolation(samples: Sequence[Sample], time: int, leg: str) -> errors.ExtrapolationException | None:
-    """tf2's exception for a time for which a moving edge has no data."""
-    end = f", when looking up transform {leg}"
+def extrapolation(samples: Sequence[Sample], time: int, leg: str) -> errors.ExtrapolationException | None:
+    """tf2's exception for a time for which a moving edge has no data; `leg` is between which frames."""
     if not samples:
-        return errors.NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{end}")
+        return errors.NoDataForExtrapolationException(f"there is no data {leg}: time jumped back, or it was cleared")
     first, last = samples[0][0], samples[-1][0]
     if first <= time <= last:
         return None
-    begin = "Lookup would require extrapolation"
-    if first == last:
-        text = f"{begin} at time {_seconds(time)}, but only time {_seconds(first)} is in the buffer{end}"
-        return errors.NoDataForExtrapolationException(text)
-    is_late = time > last
-    which, known, to = ("latest", last, "into the future") if is_late else ("earliest", first, "into the past")
-    text = (
-        f"{begin} {_seconds(abs(time - known))}s {to}.  Requested time {_seconds(time)} but the {which} data is at time"
-    )
-    kind = errors.ForwardExtrapolationException if is_late else errors.BackwardExtrapolationException
-    return kind(f"{text} {_seconds(known)}{end}")
+    kind: type[errors.ExtrapolationException] = errors.NoDataForExtrapolationException
+    if first < last:
+        kind = errors.ForwardExtrapolationException if time > last else errors.BackwardExtrapolationException
+    return kind(f"there is no data {leg} at {_seconds(time)} s, but from {_seconds(first)} s to {_seconds(last)} s")
 
 
 def _seconds(nanoseconds: int) -> str:
@@ -373,7 +192,7 @@ def _seconds(nanoseconds: int) -> str:
     return f"{whole}.{rest:09d}"
 
 
-def _check(parent: str, child: str, floats: Floats, authority: str) -> Rejection | None:
+def check_sample(parent: str, child: str, floats: Floats, authority: str) -> Rejection | None:
     """Check the names, that all numbers are finite, and that the quaternion is nearly a unit one."""
     if not child:
         return Rejection("TF_NO_CHILD_FRAME_ID", f"a transform from {authority} has no child_frame_id")
@@ -390,7 +209,7 @@ def _check(parent: str, child: str, floats: Floats, authority: str) -> Rejection
     return Rejection(code, f"{child} from {authority} {problem}")
 
 
-def _normalise(floats: Floats) -> Floats:
+def normalise(floats: Floats) -> Floats:
     """The same transform with its quaternion scaled to length 1."""
     x, y, z, i, j, k, w = floats
     square = i * i + j * j + k * k + w * w

@@ -6,7 +6,6 @@ own names; the merger puts a robot's prefix before them.
 
 import math
 from contextlib import suppress
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -81,13 +80,9 @@ def read_description(path: Path) -> Description:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         # LookupError: an encoding that Python does not have.
         raise ConfigError(f"{path}: not XML: {error}") from None
-    if root.tag != "robot":
-        raise ConfigError(f"{path}: not a URDF file: it begins with <{root.tag:.40}>, not <robot>")
-    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
-        raise ConfigError(f"{path}: this is a xacro file: make a URDF of it first (xacro FILE > robot.urdf)")
-    joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
-    _check_tree(path, joints)
-    return Description(joints)
+    if root.tag != "robot" or any(each.tag.startswith("{http://www.ros.org/wiki/xacro}") for each in root.iter()):
+        raise ConfigError(f"{path}: not a URDF file, which is a <robot>; of a xacro file: xacro FILE > robot.urdf")
+    return Description(tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element))))
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
@@ -96,11 +91,10 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     kind = element.get("type", "")
     if kind in _SKIPPED:
         return None
-    if not name or kind not in _KINDS:
-        raise ConfigError(f"{place}: needs a name, and a type of {', '.join(_KINDS)} (not {kind!r:.40})")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
-    if not parent or not child:
-        raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
+    if not name or kind not in _KINDS or not parent or not child:
+        kinds = f"a type of {', '.join(_KINDS)} (not {kind!r:.40})"
+        raise ConfigError(f"{place}: needs a name, {kinds}, <parent link=…/> and <child link=…/>")
     x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
     roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
     ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")
@@ -130,16 +124,3 @@ def _numbers(place: str, element: ElementTree.Element, tag: str, name: str, defa
     if len(values) != count or not all(map(math.isfinite, values)):
         raise ConfigError(f"{place}: {tag} {name} must be {count} finite number{'s' * (count > 1)}, not {text!r:.60}")
     return values
-
-
-def _check_tree(path: Path, joints: tuple[Joint, ...]) -> None:
-    """Refuse a link that is the child of two joints, and joints that form a loop."""
-    parents: dict[str, list[str]] = {}
-    for joint in joints:
-        if joint.child in parents:
-            raise ConfigError(f"{path}: link {joint.child!r:.60} hangs on two joints")
-        parents[joint.child] = [joint.parent]
-    try:
-        TopologicalSorter(parents).prepare()
-    except CycleError as error:
-        raise ConfigError(f"{path}: the joints above link {error.args[1][0]!r:.60} go round in a circle") from None

@@ -144,9 +144,9 @@ def test_a_goal_waits_for_navigation(
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda navigator: navigator.goToPose(make_goal(math.nan, 0.0)), "no finite number"),
+        (lambda navigator: navigator.goToPose(make_goal(math.nan, 0.0)), "a pose needs finite numbers"),
         (lambda navigator: navigator.goToPose((1.0, 2.0, 0.0)), "a pose is a PoseStamped or a Pose2, not a tuple"),
-        (lambda navigator: navigator.goToPose(PoseStamped()), "a pose names no frame: header.frame_id = 'map'"),
+        (lambda navigator: navigator.goToPose(PoseStamped()), "and a frame, such as header.frame_id = 'map'"),
         (lambda navigator: navigator.followWaypoints([]), "give at least one pose"),
         (lambda navigator: zteam.BasicNavigator("arm_1", MemoryHub().bus()), "robot id 'arm_1' is not a whole number"),
     ],

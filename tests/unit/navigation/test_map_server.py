@@ -16,9 +16,8 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import OccupancyGrid, decode, encode
 from zteam.navigation.map_server import run_map_server
-from zteam.navigation.maps import map_grid, map_message
 from zteam.navigation.planning.grid import GridMap, make_map
-from zteam.navigation.planning.map_files import read_map
+from zteam.navigation.planning.maps import map_grid, map_message, read_map
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 
@@ -63,9 +62,9 @@ def test_a_map_survives_the_bus(grid: GridMap) -> None:
 
 def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
     """A map whose numbers do not fit is no map."""
-    with pytest.raises(UsageError, match="the map has 0 cells, not 0 x 0"):
+    with pytest.raises(UsageError, match="the map has 0 values for 0 x 0 cells"):
         map_grid(OccupancyGrid())
-    for field, value, text in (("width", 5, "8 cells, not 5 x 2"), ("resolution", 0.0, "a resolution of 0 m")):
+    for field, value, text in (("width", 5, "8 values for 5 x 2"), ("resolution", 0.0, "cells of 0 m")):
         message = map_message(grid)
         setattr(message.info, field, value)
         with pytest.raises(UsageError, match=text):

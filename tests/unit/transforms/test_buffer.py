@@ -242,7 +242,7 @@ def test_time_that_goes_back_clears_the_buffer(caplog: pytest.LogCaptureFixture)
     assert buffer.take_time(10 * S)
     assert "jump back in time of 10.000 s" in caplog.text
     assert list(buffer.frames()) == ["odom"]
-    with pytest.raises(tf.ExtrapolationException, match="cleared"):
+    with pytest.raises(tf.ExtrapolationException, match="it was cleared"):
         buffer.lookup_transform("map", "base", S)
     with pytest.raises(tf.ConnectivityException):
         buffer.lookup_transform("map", "base", 0)
@@ -346,32 +346,26 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
     assert buffer.can_transform_full("me", 9 * S, "ball", 2 * S, "map") == (True, "")
     able, why = buffer.can_transform_full("me", 9 * S, "ball", 99 * S, "map")
     assert not able
-    assert "future" in why
-    assert '"nobody"' in buffer.can_transform_full("me", S, "ball", S, "nobody")[1]
+    assert "at 99.000000000 s" in why
+    assert "'nobody'" in buffer.can_transform_full("me", S, "ball", S, "nobody")[1]
 
 
 @pytest.mark.parametrize(
     ("target", "source", "time", "kind", "text"),
     [
-        ("map", "nowhere", 0, tf.LookupException, '"nowhere" passed to lookupTransform argument source_frame does n'),
-        ("nowhere", "map", S, tf.LookupException, '"nowhere" passed to lookupTransform argument target_frame does n'),
-        ("", "map", 0, tf.InvalidArgumentException, "argument target_frame in tf2 frame_ids cannot be empty"),
-        ("map", "/base", 0, tf.InvalidArgumentException, "source_frame in tf2 frame_ids cannot start with a '/'"),
+        ("map", "nowhere", 0, tf.LookupException, "source_frame: there is no frame 'nowhere'"),
+        ("nowhere", "map", S, tf.LookupException, "target_frame: there is no frame 'nowhere'"),
+        ("", "map", 0, tf.InvalidArgumentException, "target_frame: '' is no name"),
+        ("map", "/base", 0, tf.InvalidArgumentException, "source_frame: '/base' is no name"),
         ("map", "crater", 0, tf.ConnectivityException, "'map' and 'crater'"),
         ("map", "crater", S, tf.ConnectivityException, "'map' and 'crater'"),
-        ("moon", "crater", 2 * S, tf.NoDataForExtrapolationException, "at time 2.000000000, but only time 1.000000000"),
-        (
-            "map", "base", 20 * S + 1, tf.ForwardExtrapolationException,
-            "0.000000001s into the future.  Requested time 20.000000001 but the latest data is at time 20.000000000, ",
-        ),
-        (
-            "base", "map", 12 * S - 1, tf.BackwardExtrapolationException,
-            "0.000000001s into the past.  Requested time 11.999999999 but the earliest data is at time 12.000000000, ",
-        ),
+        ("moon", "crater", 2 * S, tf.NoDataForExtrapolationException, "at 2.000000000 s, but from 1.000000000 s"),
+        ("map", "base", 20 * S + 1, tf.ForwardExtrapolationException, "at 20.000000001 s, but from 12.000000000 s"),
+        ("base", "map", 12 * S - 1, tf.BackwardExtrapolationException, "at 11.999999999 s, but from 12.000000000 s to"),
     ],
 )  # fmt: skip
 def test_why_not_is_always_said(target: str, source: str, time: int, kind: type[Exception], text: str) -> None:
-    """The exceptions and their texts are tf2's, times to the nanosecond; can_transform returns the same text."""
+    """The exceptions are tf2's, times in their texts to the nanosecond; can_transform returns the same text."""
     buffer = filled()
     buffer.set_transform(stamped("moon", "crater", S), "test")
     with pytest.raises(kind) as caught:

@@ -10,7 +10,7 @@ from PIL import Image
 from support.transforms import S, stamped
 from zteam.errors import UsageError
 from zteam.tf import Buffer, FrameInfo
-from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree, tree_as_dot, tree_as_svg
+from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
 
 FRAMES = {
     "odom": FrameInfo("map", "sim", True, 0.0, 0, 0, 1),
@@ -50,34 +50,29 @@ def test_several_roots_and_branches_in_a_terminal() -> None:
     assert "base  (10.0 Hz, 1.00 s old, by robot<0>)" in format_tree(FRAMES, 10 * S)
 
 
-def test_the_svg_is_well_formed_and_shows_what_is_broken() -> None:
-    """Each frame has a box and each edge a line; an edge without recent samples is red; names are escaped."""
-    root = ET.fromstring(tree_as_svg(FRAMES, 9 * S))
+def test_the_svg_shows_what_is_broken(tmp_path: Path) -> None:
+    """Each edge has a line, which is dashed and red without recent samples; names are escaped. Each frame has a box,
+    below its parent's and beside its siblings'."""
+    draw_tree(FRAMES, 9 * S, tmp_path / "tree.svg")
+    root = ET.fromstring((tmp_path / "tree.svg").read_text())
     texts = [element.text for element in root.iter() if element.tag.endswith("text")]
-    assert {"map", "odom", "base", 'odd "name"'} <= set(texts)
-    assert "robot<0>" in texts
-    assert "5.0 Hz, 4.00 s old" in texts
-    paths = [element for element in root.iter() if element.tag.endswith("path")]
-    assert len(paths) == 3
-    assert [path.get("stroke-dasharray") is not None for path in paths].count(True) == 1
-    assert "NaN" not in tree_as_svg({}, 0)
-
-
-def test_children_lie_below_their_parents_and_side_by_side() -> None:
-    """No two boxes overlap, and every child is below its parent."""
-    root = ET.fromstring(tree_as_svg(FRAMES, 0))
-    boxes = [e for e in root if e.tag.endswith("rect") and e.get("rx")]
-    places = [(float(str(b.get("x"))), float(str(b.get("y")))) for b in boxes]
-    assert len(set(places)) == 4
+    assert {"map", "odom", "base", 'odd "name"', "robot<0>", "5.0 Hz, 4.00 s old"} <= set(texts)
+    lines = [element for element in root.iter() if element.tag.endswith("polyline")]
+    assert sorted(line.get("stroke-dasharray") is not None for line in lines) == [False, False, True]
+    boxes = [str(element.get("points")) for element in root if element.tag.endswith("polygon")]
+    places = [tuple(map(float, box.split()[0].split(","))) for box in boxes]
     base, map_, odd, odom = places  # by name
     assert map_[1] < odom[1] < base[1]
     assert odd[1] == odom[1]
     assert odd[0] != odom[0]
+    draw_tree({}, 0, tmp_path / "none.svg")
+    assert "nan" not in (tmp_path / "none.svg").read_text().lower()
 
 
-def test_the_dot_file_names_every_edge() -> None:
+def test_the_dot_file_names_every_edge(tmp_path: Path) -> None:
     """Quotes are escaped, and the broken edge is red."""
-    text = tree_as_dot(FRAMES, 9 * S)
+    draw_tree(FRAMES, 9 * S, tmp_path / "tree.dot")
+    text = (tmp_path / "tree.dot").read_text()
     assert '"map" -> "odom" [label="sim\\nstatic"];' in text
     assert '"odd \\"name\\""' in text
     assert text.count("style=") == 1
@@ -109,7 +104,8 @@ def test_a_deep_chain_is_drawn(tmp_path: Path) -> None:
     drawing that cannot be written names the file."""
     frames = {f"f{i}": FrameInfo(f"f{i - 1}", "t", True, 0.0, 0, 0, 1) for i in range(1, 2001)}
     assert len(format_tree(frames, 0).splitlines()) == 2001
-    assert tree_as_svg(frames, 0).count('rx="6"') == 2001
+    draw_tree(frames, 0, tmp_path / "tree.svg")
+    assert (tmp_path / "tree.svg").read_text().count("<polygon") == 2001
     for tree, path, text in (
         (frames, "tree.png", "2001 frames, too many"),
         (FRAMES, "no/tree.png", "tree.png: cannot"),

@@ -208,12 +208,12 @@ def test_a_tool_adds_frames_that_nobody_has() -> None:
     merger.receive(1, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
     for parent, child, tool, refused in (
         ("map", "table", "tool", ""),
-        ("map", "table", "other", "said by tool already"),
+        ("map", "table", "other", "tool publishes table already"),
         ("map", "table", "tool", ""),
         ("map", "", "tool", "child_frame_id"),
         ("table", "map", "tool", "loop"),
         ("table", "map", "tool", "loop"),
-        ("map", "robot_1/base_footprint", "tool", "said by robot_1 already"),
+        ("map", "robot_1/base_footprint", "tool", "robot_1 publishes robot_1/base_footprint already"),
         ("map", "robot_0/odom", "tool", ""),
     ):
         why = merger.add_static(stamped(parent, child, 0, 9.0), tool)

@@ -84,15 +84,13 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
     ("text", "error"),
     [
         ("<robot", "not XML"),
-        ("<model/>", "begins with <model>"),
+        ("<model/>", "which is a <robot>"),
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
         ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro/></robot>', "xacro"),
-        ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, and a type"),
+        ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, a type"),
         ('<robot><joint name="a" type="fixed"><parent link="x"/></joint></robot>', "child link"),
         (joints(joint("a", "x", "y", '<origin xyz="1 2"/>')), "origin xyz must be 3 finite numbers"),
         (joints(joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),
-        (joints(joint("a", "x", "y"), joint("b", "y", "x")), "circle"),
-        (joints(joint("a", "x", "y"), joint("b", "z", "y")), "'y' hangs on two joints"),
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> None:

@@ -22,7 +22,7 @@ from zteam.navigation.planning.costmap import (
     make_footprint,
 )
 from zteam.navigation.planning.grid import GridGeometry, GridMap, make_map
-from zteam.navigation.planning.map_files import read_map, write_map
+from zteam.navigation.planning.maps import read_map, write_map
 from zteam.navigation.planning.parameters import make_controller, make_planner, read_options
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError, Plan, Planner
 from zteam.navigation.planning.recovery import Recovery, RecoveryOptions

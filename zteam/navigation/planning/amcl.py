@@ -6,17 +6,20 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
+from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.map_files import FREE
+from zteam.config.numbers import Count, Positive
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
 from zteam.navigation.planning import likelihood
-from zteam.navigation.planning.grid import FREE, GridMap
+from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
@@ -40,31 +43,32 @@ _MOST_DEVIATION = 0.5
 
 
 class AmclOptions(msgspec.Struct, frozen=True):
-    """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for some that cannot work."""
+    """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for numbers of particles that do not fit."""
 
     alpha1: float = 0.2
     alpha2: float = 0.2
     alpha3: float = 0.2
     alpha4: float = 0.2
     alpha5: float = 0.2
-    max_beams: int = 60
-    min_particles: int = 500
-    max_particles: int = 2000
+    max_beams: Count = 60
+    min_particles: Count = 500
+    max_particles: Count = 2000
     update_min_d: float = 0.25
     update_min_a: float = 0.2
     z_hit: float = 0.5
     z_rand: float = 0.5
-    sigma_hit: float = 0.2
-    laser_likelihood_max_dist: float = 2.0
+    sigma_hit: Positive = 0.2
+    laser_likelihood_max_dist: Positive = 2.0
     laser_max_range: float = 100.0
     """Metres; a longer beam, or one of the laser's range_max, says nothing."""
-    pf_err: float = 0.05
+    pf_err: Positive = 0.05
     pf_z: float = 0.99
     recovery_alpha_slow: float = 0.0
     recovery_alpha_fast: float = 0.0
-    resample_interval: int = 1
-    robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
-    """Or nav2_amcl::OmniMotionModel."""
+    resample_interval: Count = 1
+    robot_model_type: Literal["nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"] = (
+        "nav2_amcl::DifferentialMotionModel"
+    )
     matched_share: float = 0.15
     """Share of the particles that are put where the scan fits best, near the heaviest one; 0 is plain amcl, which takes
     many updates to follow a turn that odometry did not see."""
@@ -74,16 +78,8 @@ class AmclOptions(msgspec.Struct, frozen=True):
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.min_particles <= self.max_particles:
-            given = f"min_particles {self.min_particles} and max_particles {self.max_particles}"
-            raise ValueError(f"{given}: give two numbers from 1 on, the first one not above the second")
-        if self.max_beams < 1 or self.resample_interval < 1:
-            raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
-        if not (self.sigma_hit > 0.0 and self.laser_likelihood_max_dist > 0.0 and self.pf_err > 0.0):
-            raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
-        if self.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
-            models = "nav2_amcl::DifferentialMotionModel or nav2_amcl::OmniMotionModel"
-            raise ValueError(f"robot_model_type {self.robot_model_type!r}: give {models}")
+        if self.min_particles > self.max_particles:
+            raise ValueError(f"min_particles {self.min_particles} is above max_particles {self.max_particles}")
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:

@@ -5,18 +5,18 @@ the outline touches already where the robot stands does not count: it may leave 
 """
 
 import math
-from typing import Annotated, Protocol
+from typing import Protocol
 
 import msgspec
 import numpy as np
 
+from zteam.config.numbers import Positive
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _STEP = 0.1
 """Cells that no point of the outline moves more than from one looked-at pose to the next."""
 

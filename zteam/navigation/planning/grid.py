@@ -12,8 +12,6 @@ Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
 """(n, 2): row and column."""
 
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""Values of a map's cells (nav_msgs/OccupancyGrid)."""
 NOWHERE = Pose2(0.0, 0.0, 0.0)
 """An origin that turns and moves nothing."""
 
@@ -72,11 +70,10 @@ class GridMap(NamedTuple):
 
 
 def make_map(cells: NDArray[np.int8], resolution: float, origin: Pose2 = NOWHERE) -> GridMap:
-    """A map of these cells (rows, columns). Raises ValueError for other shapes, and for no resolution."""
-    if cells.ndim != 2 or not cells.size:
-        raise ValueError(f"a map is an array (rows, columns), not one of shape {cells.shape}")
-    if not 0.0 < resolution < math.inf or not all(map(math.isfinite, origin)):
-        raise ValueError(f"a map needs a resolution above 0 and a finite origin, not {resolution} and {tuple(origin)}")
+    """A map of these cells (rows, columns). Raises ValueError for other shapes, and for no resolution or place."""
+    if cells.ndim != 2 or not cells.size or not 0.0 < resolution < math.inf or not all(map(math.isfinite, origin)):
+        given = f"an array {cells.shape}, {resolution} m and {tuple(origin)}"
+        raise ValueError(f"a map is an array (rows, columns) with metres a cell and a finite origin, not {given}")
     rows, columns = cells.shape
     return GridMap(GridGeometry(rows, columns, resolution, origin), np.ascontiguousarray(cells, np.int8))
 

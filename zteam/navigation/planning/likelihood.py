@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.map_files import OCCUPIED
 from zteam.geometry import Pose2
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import MAX_CELLS, BeamEnds, climb, square_distances, sum_poses
 from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
-from zteam.navigation.planning.grid import OCCUPIED, GridMap
+from zteam.navigation.planning.grid import GridMap
 
 UNITS = 65_535
 """A field's largest value. Whole numbers add to the same sum in any order."""

@@ -9,20 +9,21 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
 import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
+from zteam.config.numbers import Count, Positive
 from zteam.config.problems import Problem, problems_of
+from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
-from zteam.messages.base import Base
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
     GoalOptions,
-    Positive,
     ProgressOptions,
     PursuitOptions,
     RegulatedPurePursuit,
@@ -38,6 +39,7 @@ Tables = dict[str, dict[str, Any]]
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
+MAX_BYTES = 2**20
 
 
 class Plugin(NamedTuple):
@@ -95,8 +97,8 @@ class WindowOptions(msgspec.Struct, frozen=True):
     update_frequency: Positive = 5.0
     publish_frequency: Positive = 1.0
     """At most 2 Hz."""
-    width: Annotated[int, msgspec.Meta(gt=0)] = 3
-    height: Annotated[int, msgspec.Meta(gt=0)] = 3
+    width: Count = 3
+    height: Count = 3
     resolution: Positive = 0.05
     """Metres, of the local costmap alone."""
     robot_radius: float | None = None
@@ -108,39 +110,54 @@ class WindowOptions(msgspec.Struct, frozen=True):
     direction."""
 
     def __post_init__(self) -> None:
-        self.outline()
+        self.outline(DEFAULT_BASE)
 
-    def outline(self) -> Footprint | None:
-        """The outline that is given, if one is."""
-        if not self.footprint:
-            return None if self.robot_radius is None else make_circle(self.robot_radius)
+    def outline(self, base: Base) -> Footprint:
+        """The outline that is given, or else that of the base. Raises ValueError."""
+        if not self.footprint and self.robot_radius is not None:
+            return make_circle(self.robot_radius)
         try:
-            return make_footprint(json.loads(self.footprint), self.footprint_padding)
+            corners = json.loads(self.footprint) if self.footprint else base.footprint
+            return make_footprint(corners, self.footprint_padding)
         except ValueError:
             example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
             raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
+
+
+class _Place(NamedTuple):
+    """Where Nav2 has the parameters of some options."""
+
+    node: str
+    kind: str = ""
+    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant; empty: the node's own."""
+    usual: str = ""
+    """The plug-in's name where none is listed."""
+    anywhere: bool = False
+    """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
 
 
 class Parameters(NamedTuple):
     """All of them."""
 
     localizer: Localizer = "amcl"
-    amcl: AmclOptions = AmclOptions()
-    initial_pose: FirstPose = FirstPose()
-    fake: FakeOptions = FakeOptions()
-    controller: ControllerOptions = ControllerOptions()
+    amcl: Annotated[AmclOptions, _Place("amcl")] = AmclOptions()
+    initial_pose: Annotated[FirstPose, _Place("amcl")] = FirstPose()
+    fake: Annotated[FakeOptions, _Place("fake_localization")] = FakeOptions()
+    controller: Annotated[ControllerOptions, _Place("controller_server")] = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
-    pursuit: PursuitOptions = PursuitOptions()
-    goal: GoalOptions = GoalOptions()
-    progress: ProgressOptions = ProgressOptions()
-    planner_server: PlannerServerOptions = PlannerServerOptions()
+    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller", "FollowPath")] = PursuitOptions()
+    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker", "general_goal_checker")] = GoalOptions()
+    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker", "progress_checker")] = (
+        ProgressOptions()
+    )
+    planner_server: Annotated[PlannerServerOptions, _Place("planner_server")] = PlannerServerOptions()
     planner_plugin: Plugin = Plugin(ASTAR)
-    planner: AStarOptions = AStarOptions()
-    recovery: RecoveryOptions = RecoveryOptions()
-    global_window: WindowOptions = WindowOptions(update_frequency=1.0)
-    global_layers: CostmapOptions = CostmapOptions()
-    local_window: WindowOptions = WindowOptions()
-    local_layers: CostmapOptions = CostmapOptions()
+    planner: Annotated[AStarOptions, _Place("planner_server", "planner", "GridBased")] = AStarOptions()
+    recovery: Annotated[RecoveryOptions, _Place("behavior_server")] = RecoveryOptions()
+    global_window: Annotated[WindowOptions, _Place("global_costmap")] = WindowOptions(update_frequency=1.0)
+    global_layers: Annotated[CostmapOptions, _Place("global_costmap", anywhere=True)] = CostmapOptions()
+    local_window: Annotated[WindowOptions, _Place("local_costmap")] = WindowOptions()
+    local_layers: Annotated[CostmapOptions, _Place("local_costmap", anywhere=True)] = CostmapOptions()
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
@@ -164,53 +181,22 @@ class Parameters(NamedTuple):
         return AStarPlanner(self.planner) if name == ASTAR else make_planner(name, given)
 
 
-class _Section(NamedTuple):
-    """Where Nav2 has the parameters of some options."""
-
-    field: str
-    """Of Parameters."""
-    node: str
-    plugins: str = ""
-    """Parameter that lists the names of plugins, the first of which is meant; empty: the node's own parameters."""
-    usual: str = ""
-    """The plugin's name where none is listed."""
-    anywhere: bool = False
-    """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
-    kind: str = ""
-    """Of plug-ins that packages may offer too: planner or controller."""
-
-
-_SECTIONS = (
-    _Section("amcl", "amcl"),
-    _Section("initial_pose", "amcl"),
-    _Section("fake", "fake_localization"),
-    _Section("controller", "controller_server"),
-    _Section("pursuit", "controller_server", "controller_plugins", "FollowPath", kind="controller"),
-    _Section("goal", "controller_server", "goal_checker_plugins", "general_goal_checker"),
-    _Section("progress", "controller_server", "progress_checker_plugins", "progress_checker"),
-    _Section("planner_server", "planner_server"),
-    _Section("planner", "planner_server", "planner_plugins", "GridBased", kind="planner"),
-    _Section("recovery", "behavior_server"),
-    _Section("global_window", "global_costmap"),
-    _Section("global_layers", "global_costmap", anywhere=True),
-    _Section("local_window", "local_costmap"),
-    _Section("local_layers", "local_costmap", anywhere=True),
-)
-NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
+_PLACES: dict[str, _Place] = {
+    field: place
+    for field, hint in get_type_hints(Parameters, include_extras=True).items()
+    for place in getattr(hint, "__metadata__", ())
+}
+"""By field of Parameters."""
+NODES = (OWN, *dict.fromkeys(place.node for place in _PLACES.values()))
 """Names of the nodes whose parameters are taken."""
-_LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
+_LISTS = frozenset(f"{place.kind}_plugins" for place in _PLACES.values())
 
 
-class ReadParameters(NamedTuple):
-    """Parameters, and what was not understood."""
-
-    parameters: Parameters
-    unknown: tuple[str, ...]
-    """Names that have no effect, `node.name` each, sorted."""
-
-
-def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> ReadParameters:
-    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
+def navigation_of_robot(
+    table: Mapping[str, Any], robot_id: int, folder: Path, source: str
+) -> tuple[Parameters, list[str]]:
+    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`; and the names of those
+    that have no effect, `node.name` each, sorted.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
     `ros__parameters`. Raises UsageError; `source` is what the table is called there.
@@ -232,38 +218,37 @@ def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, s
     return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
 
 
-def _read_parameters(tables: Tables, source: str) -> ReadParameters:
+def _read_parameters(tables: Tables, source: str) -> tuple[Parameters, list[str]]:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
     found: dict[str, Any] = {}
     taken = {(OWN, "localizer")}
     problems: list[str] = []
-    for section in _SECTIONS:
-        table = tables.get(section.node, {})
-        if section.kind:
+    for field, place in _PLACES.items():
+        table = tables.get(place.node, {})
+        if place.kind in _OWN:
             try:
-                plugin, known = _read_plugin(section, table)
+                plugin, known = _read_plugin(place, table)
             except UsageError as error:
                 problems.append(str(error))
                 continue
-            found[f"{section.kind}_plugin"] = plugin
-            taken |= {(section.node, name) for name in known}
+            found[f"{place.kind}_plugin"] = plugin
+            taken |= {(place.node, name) for name in known}
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
-        default = Parameters._field_defaults[section.field]
-        given = _own_names(section, table, type(default))
-        taken |= {(section.node, name) for name in given.values()}
-        found[section.field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
+        default = Parameters._field_defaults[field]
+        given = _own_names(place, table, type(default))
+        taken |= {(place.node, name) for name in given.values()}
+        found[field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
         for path, text in wrong:
-            place = ".".join([section.node, *(given[str(key)] for key in path[:1])])
-            problems.append(f"{place}: {text}")
+            key = ".".join([place.node, *(given[str(key)] for key in path[:1])])
+            problems.append(f"{key}: {text}")
     localizer = tables.get(OWN, {}).get("localizer", "amcl")
     if localizer not in get_args(Localizer):
         problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
     if problems:
         raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
     every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
-    unknown = sorted(f"{node}.{name}" for node, name in every - taken)
-    return ReadParameters(Parameters(**found, localizer=localizer), tuple(unknown))
+    return Parameters(**found, localizer=localizer), sorted(f"{node}.{name}" for node, name in every - taken)
 
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -289,7 +274,11 @@ def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[
     return options, sorted(parameters.keys() - known.keys())
 
 
-_OWN = {"planner": ASTAR, "controller": PURSUIT}
+_OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
+    "planner": (ASTAR, AStarPlanner, AStarOptions),
+    "controller": (PURSUIT, RegulatedPurePursuit, PursuitOptions),
+}
+"""Of each kind of plug-in: zteam's own, its class and its options."""
 NAV2_NAMES = {
     "nav2_navfn_planner::NavfnPlanner": ASTAR,
     "nav2_smac_planner::SmacPlanner2D": ASTAR,
@@ -301,23 +290,26 @@ NAV2_NAMES = {
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     """A planner by its name. Raises UsageError."""
-    if (found := plugin_name("planner", name)) == ASTAR:
-        return AStarPlanner(read_options(AStarOptions, parameters)[0])
-    planner: Planner = load_offered("zteam.planners", found)(parameters)
+    planner: Planner = _make("planner", name, parameters)
     return planner
 
 
 def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
     """A controller by its name. Raises UsageError."""
-    if (found := plugin_name("controller", name)) == PURSUIT:
-        return RegulatedPurePursuit(read_options(PursuitOptions, parameters)[0])
-    controller: Controller = load_offered("zteam.controllers", found)(parameters)
+    controller: Controller = _make("controller", name, parameters)
     return controller
+
+
+def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
+    own, make, options = _OWN[kind]
+    if (found := plugin_name(kind, name)) == own:
+        return make(read_options(options, parameters)[0])
+    return load_offered(f"zteam.{kind}s", found)(parameters)
 
 
 def plugin_name(kind: str, name: str, where: str = "") -> str:
     """zteam's own name of a "planner" or "controller", or a package's, which is not imported. Raises UsageError."""
-    own, group = _OWN[kind], f"zteam.{kind}s"
+    own, group = _OWN[kind][0], f"zteam.{kind}s"
     if NAV2_NAMES.get(name.replace("/", "::"), name) == own:
         return own
     there = offered(group)
@@ -327,46 +319,39 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
     return name
 
 
-def _own_names(section: _Section, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
+def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
-    prefix = _prefix(section, table)
+    prefix = _prefix(place, table)
     found = {}
     for name in table:
-        own = name.rpartition(".")[2] if section.anywhere else name.removeprefix(prefix)
-        if own in kind.__struct_encode_fields__ and (section.anywhere or name.startswith(prefix)):
+        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix)
+        if own in kind.__struct_encode_fields__ and (place.anywhere or name.startswith(prefix)):
             found[own] = name
     return found
 
 
-def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
+def _read_plugin(place: _Place, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
     """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
-    prefix, kind = _prefix(section, table), section.kind
+    prefix, kind = _prefix(place, table), place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
-    place = f"{prefix}plugin"
-    name = plugin_name(kind, str(own.get(place, _OWN[kind])), f"{section.node}.{place}: ")
-    given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
-    return Plugin(name, given), [place] if name == _OWN[kind] else own
+    key = f"{prefix}plugin"
+    name = plugin_name(kind, str(own.get(key, _OWN[kind][0])), f"{place.node}.{key}: ")
+    given = {name.removeprefix(prefix): value for name, value in own.items() if name != key}
+    return Plugin(name, given), [key] if name == _OWN[kind][0] else own
 
 
-def _prefix(section: _Section, table: Mapping[str, Any]) -> str:
-    """What the names of the section's parameters begin with."""
-    if not section.plugins:
+def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
+    """What the names of the parameters begin with there."""
+    if not place.kind:
         return ""
-    listed = table.get(section.plugins)
-    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else section.usual
+    listed = table.get(f"{place.kind}_plugins")
+    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else place.usual
     return f"{named}."
 
 
 def _read_parameter_file(path: Path) -> Mapping[str, Any]:
     """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    import yaml
-
-    try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"cannot read the parameters {path}: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"{path} is no YAML file: {' '.join(str(error).split())}") from None
+    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
     if table is None:
         return {}
     if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):

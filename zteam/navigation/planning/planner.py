@@ -18,13 +18,19 @@ from zteam.kernels import navigation as kernels
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
-from zteam.navigation.planning.grid import GridGeometry
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
 
 STRIDE, REACH = 4, 320
 """Lines join every fourth cell of a way from cell to cell, to those up to 320 cells before."""
+NEUTRAL_COST, COST_FACTOR = 50, 0.8
+"""Weight of a cell without costs, and what a cell's cost adds to it (NavFn's COST_NEUTRAL and COST_FACTOR)."""
+_WEIGHT_OF_COST = int(COST_FACTOR * 256.0)
+_DEAREST = NEUTRAL_COST + _WEIGHT_OF_COST * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
+"""Weight of the dearest cell that can be entered."""
+ESCAPE = 0.5
+"""Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
 _SPACING = 20
 """Cells between the points that move to the side."""
 _WIDTHS = (4, 2, 1)
@@ -65,16 +71,12 @@ class Field:
         """Of the cells, with a border of 0; 0 cannot be entered."""
         self._costs = np.full((rows + 2, columns + 2), UNREACHED, np.uint32)
 
-    def set_costs(
-        self, costs: Costs, neutral: int, factor: float, allow_unknown: bool, barred: int = INSCRIBED_INFLATED_OBSTACLE
-    ) -> None:
-        """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
-
-        Unknown cells weigh as much as the dearest ones that can, or cannot be entered.
-        """
-        unknown = _heaviest(neutral, factor) if allow_unknown else 0
-        kernels.weigh_cells(costs, neutral, int(factor * 256.0), barred, unknown, self.weights)
-        self.steps = Steps(*COSTMAP_STEPS, neutral)
+    def set_costs(self, costs: Costs, *, allow_unknown: bool, barred: int = INSCRIBED_INFLATED_OBSTACLE) -> None:
+        """A costmap: a cell weighs NEUTRAL_COST + COST_FACTOR · its cost; those from the cost `barred` on cannot be
+        entered. Unknown cells weigh as much as the dearest ones that can, or cannot be entered."""
+        unknown = _DEAREST if allow_unknown else 0
+        kernels.weigh_cells(costs, NEUTRAL_COST, _WEIGHT_OF_COST, barred, unknown, self.weights)
+        self.steps = Steps(*COSTMAP_STEPS, NEUTRAL_COST)
 
     def is_free(self, row: int, column: int) -> bool:
         """Whether a cell can be entered; one outside cannot."""
@@ -134,35 +136,16 @@ class Field:
         return (moved if moved_cost < cost else corners) - 1
 
 
-def _heaviest(neutral: int, factor: float) -> int:
-    """The weight of the dearest cell that can be entered."""
-    return neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
-
-
 class AStarOptions(msgspec.Struct, frozen=True):
-    """Parameters; names that Nav2's planners have are theirs. Raises ValueError for weights that do not fit."""
+    """Parameters; names that Nav2's planners have are theirs."""
 
     tolerance: float = 0.5
     """Metres from the goal at which a path may end, if the goal itself cannot be reached (NavfnPlanner)."""
     allow_unknown: bool = True
     """Whether a path may lead through cells without information (NavfnPlanner)."""
-    neutral_cost: int = 50
-    """Weight of a cell without costs (NavFn's COST_NEUTRAL)."""
-    cost_factor: float = 0.8
-    """What a cell's cost adds to its weight (NavFn's COST_FACTOR)."""
-    any_angle: bool = True
-    """Whether the path is made of straight lines in any direction, or of steps from cell to cell."""
     clearance: float | None = None
     """Metres from the middle of the robot to obstacles on a path; None: half of its width, and half a cell. It is at
     least the inscribed radius, and at most the costmap's inflation radius."""
-    escape: float = 0.5
-    """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
-
-    def __post_init__(self) -> None:
-        least, most = self.neutral_cost, _heaviest(self.neutral_cost, self.cost_factor)
-        if not (least >= 1 and self.cost_factor >= 0.0 and most <= 255):
-            given = f"neutral_cost {least} and cost_factor {self.cost_factor:g}"
-            raise ValueError(f"{given}: weights must lie from 1 to 255, not from {least} to {most}")
 
 
 class AStarPlanner:
@@ -176,19 +159,20 @@ class AStarPlanner:
         """A path from `start` to `goal`, or to the nearest point up to `tolerance` from it. Raises NoPathError."""
         frame, options = costmap.frame, self.options
         for what, pose in (("start", start), ("goal", goal)):
-            if not all(map(math.isfinite, pose)):
-                raise NoPathError(f"the {what} is not finite: {tuple(pose)}")
-            if not frame.holds(*frame.cell_at(pose.x, pose.y)):
-                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map")
+            if not all(map(math.isfinite, pose)) or not frame.holds(*frame.cell_at(pose.x, pose.y)):
+                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map, or not finite")
         field = self.prepare(costmap)
-        first = self._leave(field, frame, start)
+        # The cell of the start, or the nearest one that a robot may be in.
+        first = field.nearest_free(frame.cell_at(start.x, start.y), ESCAPE / frame.resolution)
+        if first is None:
+            where = f"({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within {ESCAPE:g} m is free"
+            raise NoPathError(f"the start {where}: drive the robot away from it, or clear the costmap")
         last = frame.cell_at(goal.x, goal.y)
         way = field.find_way(first, last, options.tolerance / frame.resolution)
         if way is None:
             raise NoPathError(_reason(costmap, field, last, options.tolerance))
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
-        corners = field.shorten(way) if options.any_angle else way
-        points = frame.points_from_cells(corners.astype(np.float64) + 0.5)
+        points = frame.points_from_cells(field.shorten(way).astype(np.float64) + 0.5)
         # The middle of the first cell is left out where the start lies in that cell.
         on = points[1:] if first == frame.cell_at(start.x, start.y) else points
         points = np.concatenate(([[start.x, start.y]], on))
@@ -203,22 +187,13 @@ class AStarPlanner:
         shape = costmap.costs.shape
         if self._field is None or self._field.shape != shape:
             self._field = Field(*shape)
-        options, clearance = self.options, self.options.clearance
+        clearance = self.options.clearance
         if clearance is None:
             clearance = costmap.footprint.half_width + 0.5 * costmap.frame.resolution
         # From here on cells are too near to an obstacle for a robot that drives along its path.
         barred = min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
-        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
+        self._field.set_costs(costmap.costs, allow_unknown=self.options.allow_unknown, barred=barred)
         return self._field
-
-    def _leave(self, field: Field, frame: GridGeometry, start: Pose2) -> tuple[int, int]:
-        """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""
-        escape = self.options.escape
-        found = field.nearest_free(frame.cell_at(start.x, start.y), escape / frame.resolution)
-        if found is None:
-            where = f"({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within {escape:g} m is free"
-            raise NoPathError(f"the start {where}: drive the robot away from it, or clear the costmap")
-        return found
 
 
 def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:

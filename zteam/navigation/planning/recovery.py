@@ -17,10 +17,7 @@ _CURVATURES = 0.0, 2.0, -2.0, 4.0, -4.0
 
 
 class RecoveryOptions(msgspec.Struct, frozen=True):
-    """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them.
-
-    Raises ValueError for behaviours that do not exist.
-    """
+    """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
 
     behaviors: tuple[Behavior, ...] = get_args(Behavior)
     """In this order, again and again."""
@@ -43,11 +40,6 @@ class RecoveryOptions(msgspec.Struct, frozen=True):
     """Seconds after which a motion ends, however far it came."""
     stopped_allowance: float = 1.0
     """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
-
-    def __post_init__(self) -> None:
-        known = get_args(Behavior)
-        if unknown := [name for name in self.behaviors if name not in known]:
-            raise ValueError(f"there is no recovery behaviour {unknown[0]!r}: there are {', '.join(known)}")
 
 
 class Recovery:

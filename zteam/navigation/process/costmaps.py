@@ -4,45 +4,47 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages.base import Base
-from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
+from zteam.navigation.planning.costmap import Costmap, make_costmap
 from zteam.navigation.planning.grid import GridGeometry, GridMap
-from zteam.navigation.planning.parameters import Parameters, WindowOptions
+from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.scans import Scan, Teammate
 
 _FAR = 8.0
 """Metres: a teammate farther away will be elsewhere when the robot gets there, and each costs a part of a map anew."""
 
 
-class PlacedScan(NamedTuple):
-    """What a robot sees at one time, and from where."""
+class Situation(NamedTuple):
+    """What a robot sees in one step, and from where. Times are in seconds."""
 
+    now: float
+    seconds: float
+    """To the next step."""
     pose: Pose2
     """Of the base, in `map`."""
     map_from_odom: Pose2
-    scan: Scan | None
-    teammates: Sequence[Teammate]
-
-
-def footprint_of(window: WindowOptions, base: Base) -> Footprint:
-    """The outline that a costmap's parameters give, or else that of the base. Raises ValueError."""
-    return window.outline() or make_footprint(base.footprint, window.footprint_padding)
+    scan: Scan | None = None
+    teammates: Sequence[Teammate] = ()
+    pending: Velocity = Velocity()
+    """The command that moves the robot until the one of this step does."""
+    is_stopped: bool = False
+    """Whether something else, such as its safety layer, does not let the robot move."""
 
 
 class Costmaps:
-    """Both costmaps of one robot. Times are in seconds."""
+    """Both costmaps of one robot."""
 
     def __init__(self, parameters: Parameters, base: Base, grid: GridMap) -> None:
         """Raises ValueError for parameters that do not fit this map or this base."""
         self._parameters, self._grid = parameters, grid
-        self.whole = Costmap(grid.frame, footprint_of(parameters.global_window, base), parameters.global_layers)
+        self.whole = Costmap(grid.frame, parameters.global_window.outline(base), parameters.global_layers)
         """The global costmap."""
         self.whole.set_map(grid)
         window = parameters.local_window
         rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
         frame = GridGeometry(rows, columns, window.resolution)
-        self.local = Costmap(frame, footprint_of(window, base), parameters.local_layers)
+        self.local = Costmap(frame, window.outline(base), parameters.local_layers)
         self._cell: tuple[int, int] | None = None
         """Row and column of the local costmap's origin in a grid of `odom`."""
         self._due_whole = self._due_local = -math.inf
@@ -51,42 +53,38 @@ class Costmaps:
         """What the map alone says, whatever lasers have seen: made anew, because it is large and seldom asked for."""
         return make_costmap(self._grid, self.whole.footprint, self._parameters.global_layers)
 
-    def look(self, now: float, placed: PlacedScan) -> None:
+    def look(self, here: Situation) -> None:
         """Take in what the robot sees, where that is due."""
-        if now >= self._due_local - 1e-6:
-            self._due_local = now + 1.0 / self._parameters.local_window.update_frequency
-            self.look_near(placed)
-        if now >= self._due_whole - 1e-6:
-            self.look_far(now, placed)
+        if here.now >= self._due_local - 1e-6:
+            self._due_local = here.now + 1.0 / self._parameters.local_window.update_frequency
+            self.look_near(here)
+        if here.now >= self._due_whole - 1e-6:
+            self.look_far(here)
 
-    def look_far(self, now: float, placed: PlacedScan) -> None:
+    def look_far(self, here: Situation) -> None:
         """Bring the global costmap up to date."""
-        self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
-        _update(self.whole, placed, _FAR)
+        self._due_whole = here.now + 1.0 / self._parameters.global_window.update_frequency
+        _update(self.whole, here, _FAR)
 
-    def look_near(self, placed: PlacedScan) -> None:
+    def look_near(self, here: Situation) -> None:
         """Bring the local costmap up to date: it moves with the robot."""
-        self._centre(placed)
         frame = self.local.frame
-        _update(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
-
-    def _centre(self, placed: PlacedScan) -> None:
-        frame = self.local.frame
-        here = placed.map_from_odom.inverse().compose(placed.pose)
-        column = math.floor(here.x / frame.resolution) - frame.columns // 2
-        row = math.floor(here.y / frame.resolution) - frame.rows // 2
+        in_odom = here.map_from_odom.inverse().compose(here.pose)
+        column = math.floor(in_odom.x / frame.resolution) - frame.columns // 2
+        row = math.floor(in_odom.y / frame.resolution) - frame.rows // 2
         rows, columns = (0, 0) if self._cell is None else (row - self._cell[0], column - self._cell[1])
         self._cell = row, column
         # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
         corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
-        self.local.move(frame._replace(origin=placed.map_from_odom.compose(corner)), rows, columns)
+        self.local.move(frame._replace(origin=here.map_from_odom.compose(corner)), rows, columns)
+        _update(self.local, here, frame.resolution * math.hypot(frame.rows, frame.columns))
 
 
-def _update(costmap: Costmap, placed: PlacedScan, far: float) -> None:
+def _update(costmap: Costmap, here: Situation, far: float) -> None:
     """Bring a costmap up to date, with the teammates up to `far` metres away."""
-    x, y, _ = placed.pose
-    costmap.set_teammates(mate for mate in placed.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
-    if placed.scan is not None:
-        costmap.observe(placed.scan, placed.pose, placed.teammates)
-    costmap.clear_footprint(placed.pose)
+    x, y, _ = here.pose
+    costmap.set_teammates(mate for mate in here.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
+    if here.scan is not None:
+        costmap.observe(here.scan, here.pose, here.teammates)
+    costmap.clear_footprint(here.pose)
     costmap.update()

@@ -2,11 +2,12 @@
 
 import logging
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
+from typing import Any
 
-from zteam import messages, names
+from zteam import names
 from zteam.clock import FREEZES, monotonic
 from zteam.geometry import Pose2
+from zteam.messages import RobotDriver, RobotState, ns_from_time
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
@@ -51,14 +52,6 @@ class TeamTransforms(TransformListener):
         self._connected.update(self.left)
 
 
-class StampedPose(NamedTuple):
-    """A pose, and since when it has been known."""
-
-    pose: Pose2
-    stamp: int
-    """ns."""
-
-
 class Inputs:
     """The newest data of one robot. Stamps are in ns."""
 
@@ -69,58 +62,54 @@ class Inputs:
         """Topics that each tick of lock-step brings."""
         self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self.odom_frame = names.robot_frame(robot_id, names.ODOM)
-        self._lasers = LaserMounts(robot_id, transforms.buffer)
+        self._lasers = LaserMounts(robot_id, transforms)
         self.scan_problem = ""
         """Why the newest scan cannot be used; empty if it can."""
         self.forget()
 
     def forget(self) -> None:
         """Time jumped back."""
-        self.scan: messages.LaserScan | None = None
-        self.odom: messages.Odometry | None = None
-        self.truth: messages.Odometry | None = None
-        self.status: messages.RobotStatus | None = None
+        self.newest: dict[str, Any] = {}
+        """The newest message of each topic; a goal and an initial pose until a step takes them. Of a goal that the bus
+        dropped, what is wrong with it."""
         self.heard: float | None = None
-        """Host time at which it came; None in lock-step, where its stamp counts."""
-        self.goal: messages.PoseStamped | None = None
-        """A goal that has come since the last step."""
-        self.unreadable_goal = ""
-        """What is wrong with one that the bus dropped; empty without one."""
-        self.initial_pose: messages.PoseWithCovarianceStamped | None = None
-        """In the same way."""
-        self.stamps: dict[str, int] = {}
-        """Of the newest message, by topic."""
+        """Host time at which the status came; None in lock-step, where its stamp counts."""
+
+    def stamp(self, topic: str) -> int:
+        """Nanoseconds of the newest message of a topic; -1 without one."""
+        message = self.newest.get(topic)
+        return -1 if message is None else ns_from_time(message.header.stamp)
 
     @property
     def base(self) -> Base:
         return self._bases.get(self.robot_id, DEFAULT_BASE)
 
-    def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:
-        """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
+    def find(self, target: str, source: str, time: int = 0) -> tuple[Pose2, int] | None:
+        """The pose of `source` in `target`, the newest with time 0, and its stamp (ns). None if it is unknown."""
         try:
-            return StampedPose(*self._transforms.buffer.lookup_pose2(target, source, time))
+            return self._transforms.lookup_pose2(target, source, time)
         except TransformException:
             return None
 
     def odom_pose(self, stamp: int) -> Pose2 | None:
         """The base in `odom` at `stamp`, or the newest one."""
         found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
-        return None if found is None else found.pose
+        return found and found[0]
 
     def known_pose(self) -> Pose2 | None:
         """The base in `map` as the transforms say, or as a localiser of before has left it."""
         found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
         left = self._transforms.left.get(self.robot_id)
         if found is not None:
-            return found.pose
+            return found[0]
         return None if left is None or odom is None else left.compose(odom)
 
     def planning_scan(self) -> Scan | None:
         """The newest scan as planning takes it; None if there is none, or if it cannot be used (`scan_problem`)."""
         self.scan_problem = ""
-        if self.scan is None:
+        if names.BASE_SCAN not in self.newest:
             return None
-        scan, laser, problem = self._lasers.level(self.scan)
+        scan, laser, problem = self._lasers.level(self.newest[names.BASE_SCAN])
         if scan is None:
             self.scan_problem = f"it needs {problem.noun}" if problem else ""
             return None
@@ -133,24 +122,24 @@ class Inputs:
         found = []
         for robot_id in sorted(robots):
             place = self.find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-            if robot_id != self.robot_id and place is not None and now - place.stamp <= OLD:
+            if robot_id != self.robot_id and place is not None and now - place[1] <= OLD:
                 radius = self._bases.get(robot_id, DEFAULT_BASE).radius
-                found.append(Teammate(place.pose.x, place.pose.y, radius))
+                found.append(Teammate(place[0].x, place[0].y, radius))
         return found
 
     def is_held(self, now: int) -> str:
         """Why the robot does not obey navigation at time `now` (ns); empty if it does, as far as is known."""
-        status, heard = self.status, self.heard
+        status, heard = self.newest.get(names.STATUS), self.heard
         if status is None:
             return ""
         if heard is None:
-            age = (now - self.stamps.get(names.STATUS, now)) / 1e9
+            age = (now - self.stamp(names.STATUS)) / 1e9
         else:
             age = monotonic() - max(heard, FREEZES.look())
         if age > SILENT_AFTER:
             return f"{names.robot_name(self.robot_id)} is silent"
         if status.is_stopped:
             return STOPPED
-        if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
+        if status.state in (RobotState.BOOT, RobotState.READY):
             return "waits for GO"
-        return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""
+        return "teleop drives" if status.driver == RobotDriver.TELEOP else ""

@@ -10,7 +10,7 @@ from zteam.config.localisation import LOST_DEVIATION
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
-from zteam.navigation.maps import planar
+from zteam.messages.planar import planar
 from zteam.navigation.planning.amcl import INITIAL_DEVIATIONS, Amcl
 from zteam.navigation.planning.grid import Floats, GridMap
 from zteam.navigation.planning.parameters import FakeOptions, Parameters
@@ -41,14 +41,14 @@ class Localiser:
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         """Take in what has come until `now` (ns). `teammates` are in `map`."""
         place = inputs.find(names.MAP_FRAME, inputs.base_frame)
-        self.pose, self.problem, self.is_outdated = None, "", place is not None and now - place.stamp > OLD
+        self.pose, self.problem, self.is_outdated = None, "", False
         if place is None:
             self.problem = f"no transforms from map to {inputs.base_frame}: nothing localises the robot"
-        elif self.is_outdated:
-            age = (now - place.stamp) / 1e9
-            self.problem = f"the pose of {inputs.base_frame} in map is {age:.1f} s old"
+        elif (age := now - place[1]) > OLD:
+            self.problem = f"the pose of {inputs.base_frame} in map is {age / 1e9:.1f} s old"
+            self.is_outdated = True
         else:
-            self.pose = place.pose
+            self.pose = place[0]
 
     def set_pose(self, _pose: Pose2, _deviations: tuple[float, float, float]) -> str:
         """The robot is about here; why that does not count, if it does not."""
@@ -73,7 +73,7 @@ class FakeLocaliser(Localiser):
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         self.updated = False
-        truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
+        truth, stamp = inputs.newest.get(names.GROUND_TRUTH), inputs.stamp(names.GROUND_TRUTH)
         pose = None if truth is None else planar(truth.pose.pose)
         odom, self.is_outdated = inputs.odom_pose(stamp), truth is not None and now - stamp > OLD
         if pose is None or odom is None:
@@ -111,13 +111,13 @@ class AmclLocaliser(Localiser):
             key = names.robot_key(inputs.robot_id, names.INITIAL_POSE)
             self.problem = f"its place is not known: publish it on {key}"
             return
-        stamp = inputs.stamps.get(names.BASE_SCAN, 0)
+        stamp = inputs.stamp(names.BASE_SCAN)
         odom = inputs.odom_pose(stamp)
         if scan is None or odom is None:
             self.problem = "no odometry" if scan is not None else inputs.scan_problem or "no scan to localise by"
             return
         moved = inputs.find(inputs.odom_frame, inputs.base_frame)
-        self.is_outdated = moved is not None and bool(moved.stamp) and now - moved.stamp > OLD
+        self.is_outdated = moved is not None and 0 < moved[1] < now - OLD
         if self.is_outdated:
             self.problem = f"no transforms from {inputs.odom_frame} to {inputs.base_frame} for {OLD / 1e9:g} s"
             return

@@ -1,7 +1,6 @@
 """One robot's way to its goal: plan, drive, recover, arrive or give up. Without a bus and without a clock."""
 
 import math
-from typing import NamedTuple
 
 import msgspec
 
@@ -12,7 +11,7 @@ from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Planner
 from zteam.navigation.planning.recovery import Recovery
-from zteam.navigation.process.costmaps import Costmaps, PlacedScan
+from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.robot.client import ON_THE_WAY
 
 STOP = Velocity()
@@ -22,19 +21,6 @@ _AGAIN = 0.3
 """Seconds between two plans of a robot whose way is blocked."""
 _IN_VAIN = 3
 """Times `number_of_retries`: so many recoveries may bring a robot no nearer to its goal, wherever it moves."""
-
-
-class NavigatorInput(NamedTuple):
-    """What one step goes by. Times are in seconds."""
-
-    now: float
-    seconds: float
-    """To the next step."""
-    placed: PlacedScan
-    pending: Velocity
-    """The command that moves the robot until the one of this step does."""
-    is_stopped: bool = False
-    """Whether something else, such as its safety layer, does not let the robot move."""
 
 
 class Navigator:
@@ -100,7 +86,7 @@ class Navigator:
         self.state, self.text = NavigationState.PLANNING, ""
 
     def refuse(self, message: PoseStamped, reason: str) -> None:
-        """A goal that cannot be: the one that there was is given up as well."""
+        """A goal that cannot be: the one that there was is here up as well."""
         self._begin()
         self.message = message
         self._end(NavigationState.ABORTED, reason)
@@ -137,37 +123,37 @@ class Navigator:
             self.text = reason
         return STOP
 
-    def step(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
+    def step(self, here: Situation, costmaps: Costmaps) -> Velocity:
         assert self.goal is not None
         if self._held_since is not None:
             self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
-            return self._recover(given, costmaps)
+            return self._recover(here, costmaps)
         # There, no other path is of use, and the controller goes on to turn.
         there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
         interval = math.inf if there else 1.0 / frequency
         if self._blocked_since is not None:
             interval = min(interval, _AGAIN)
-        if given.now - self._planned >= interval - 1e-6 and not self._plan(given, costmaps, self.goal):
+        if here.now - self._planned >= interval - 1e-6 and not self._plan(here, costmaps, self.goal):
             return STOP
-        return self._drive(given, costmaps, self.goal)
+        return self._drive(here, costmaps, self.goal)
 
-    def _plan(self, given: NavigatorInput, costmaps: Costmaps, goal: Pose2) -> bool:
-        """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is given up."""
-        self._planned = given.now
-        costmaps.look_far(given.now, given.placed)
+    def _plan(self, here: Situation, costmaps: Costmaps, goal: Pose2) -> bool:
+        """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is here up."""
+        self._planned = here.now
+        costmaps.look_far(here)
         try:
-            plan = self._planner.plan(costmaps.whole, given.placed.pose, goal)
+            plan = self._planner.plan(costmaps.whole, here.pose, goal)
         except NoPathError as error:
             if self.path is not None:
                 # What is in the way may go away; the controller stops before it.
                 return True
             try:
-                self._planner.plan(costmaps.of_map(), given.placed.pose, goal)
+                self._planner.plan(costmaps.of_map(), here.pose, goal)
             except NoPathError as lasting:
                 self._end(NavigationState.ABORTED, str(lasting))
             else:
-                self._fail(given, goal, str(error))
+                self._fail(here, goal, str(error))
             return False
         self.path = plan.path
         self._controller.set_path(plan.path)
@@ -175,24 +161,24 @@ class Navigator:
         self.state = NavigationState.DRIVING
         return True
 
-    def _drive(self, given: NavigatorInput, costmaps: Costmaps, goal: Pose2) -> Velocity:
+    def _drive(self, here: Situation, costmaps: Costmaps, goal: Pose2) -> Velocity:
         assert self.path is not None
-        pose, left = given.placed.pose, self._controller.remaining()
+        pose, left = here.pose, self._controller.remaining()
         if self._goal_checker.is_reached(pose, Pose2(*self.path[-1].tolist())):
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
-        if not self._progress.makes_progress(given.now, pose):
+        if not self._progress.makes_progress(here.now, pose):
             needed, allowed = msgspec.structs.astuple(self._parameters.progress)
-            return self._fail(given, goal, f"moved less than {needed:g} m in {allowed:g} s")
+            return self._fail(here, goal, f"moved less than {needed:g} m in {allowed:g} s")
         self._note_progress(pose, left)
-        ahead = move(pose, given.pending, given.seconds)
+        ahead = move(pose, here.pending, here.seconds)
         try:
-            velocity = self._controller.command(costmaps.local, ahead, given.pending, given.seconds)
+            velocity = self._controller.command(costmaps.local, ahead, here.pending, here.seconds)
         except BlockedError as error:
             if self._blocked_since is None:
-                self._blocked_since, self._planned = given.now, -math.inf
-            if given.now - self._blocked_since > self._parameters.controller.failure_tolerance:
-                return self._fail(given, goal, str(error))
+                self._blocked_since, self._planned = here.now, -math.inf
+            if here.now - self._blocked_since > self._parameters.controller.failure_tolerance:
+                return self._fail(here, goal, str(error))
             return STOP
         self._blocked_since = None
         return velocity
@@ -209,14 +195,14 @@ class Navigator:
         if left < self._least_left - enough and self._in_vain:
             self._least_left, self._in_vain = math.inf, 0
 
-    def _fail(self, given: NavigatorInput, goal: Pose2, reason: str) -> Velocity:
+    def _fail(self, here: Situation, goal: Pose2, reason: str) -> Velocity:
         """Begin the next recovery, or give up."""
-        pose = given.placed.pose
+        pose = here.pose
         if self._in_vain >= _IN_VAIN * self._parameters.recovery.number_of_retries > 0:
             end = f"{reason}: gave up after {self._in_vain} recoveries that brought it no nearer to the goal"
             self._end(NavigationState.ABORTED, end)
-        elif (given_up := self._recovery.begin(given.now, pose, reason)) is not None:
-            self._end(NavigationState.ABORTED, given_up)
+        elif (here_up := self._recovery.begin(here.now, pose, reason)) is not None:
+            self._end(NavigationState.ABORTED, here_up)
         else:
             left = self.distance_remaining or math.dist(pose[:2], goal[:2])
             self.recoveries, self._in_vain = self.recoveries + 1, self._in_vain + 1
@@ -224,9 +210,9 @@ class Navigator:
             self.state, self.text = NavigationState.RECOVERING, reason
         return STOP
 
-    def _recover(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
-        pose, clears = given.placed.pose, self._recovery.current == "clear_costmap"
-        velocity = self._recovery.step(given.now, pose, costmaps.local, is_stopped=given.is_stopped)
+    def _recover(self, here: Situation, costmaps: Costmaps) -> Velocity:
+        pose, clears = here.pose, self._recovery.current == "clear_costmap"
+        velocity = self._recovery.step(here.now, pose, costmaps.local, is_stopped=here.is_stopped)
         if clears:
             costmaps.whole.clear_around(pose, self._parameters.recovery.clear_distance)
             costmaps.whole.update()

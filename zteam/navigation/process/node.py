@@ -20,8 +20,8 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
-from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.maps import map_grid
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.inputs import Inputs, TeamTransforms
@@ -66,27 +66,26 @@ class NavigationNode:
         inputs = Inputs(robot_id, self._transforms, self._bases)
         outputs = Outputs(node, robot_id, parameters)
         robot = RobotNavigation(inputs, parameters, outputs, self._planners[key], seed * 10_000 + robot_id)
-        self._listen(inputs, names.BASE_SCAN, messages.LaserScan, "scan")
-        self._listen(inputs, names.ODOM, messages.Odometry, "odom")
+        self._listen(inputs, names.BASE_SCAN, messages.LaserScan)
+        self._listen(inputs, names.ODOM, messages.Odometry)
         if parameters.localizer == "fake":
             inputs.every_tick.append(names.GROUND_TRUTH)
-            self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
-        self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
+            self._listen(inputs, names.GROUND_TRUTH, messages.Odometry)
+        self._listen(inputs, names.GOAL_POSE, messages.PoseStamped)
         _listen_for_unreadable_goals(node, inputs)
-        self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
-        self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
+        self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped)
+        self._listen(inputs, names.STATUS, messages.RobotStatus)
         self._serve(robot_id, "info", NoRequest, lambda: own_info(node.name, node.bus.instance, node.claim.start))
         self._serve(robot_id, CANCEL, CancelRequest, lambda: CancelReply(robot.cancel()))
         spread = robot.localize_globally
         self._serve(robot_id, GLOBAL_LOCALIZATION, GlobalLocalizationRequest, lambda: GlobalLocalizationReply(spread()))
         return robot
 
-    def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
+    def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message]) -> None:
         def take(_key: str, message: Any) -> None:
-            setattr(inputs, field, message)
+            inputs.newest[topic] = message
             if topic == names.STATUS:
                 inputs.heard = None if self._node.ticks_tell_time else monotonic()
-            inputs.stamps[topic] = messages.ns_from_time(message.header.stamp)
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
 
@@ -130,7 +129,7 @@ class NavigationNode:
         missing = [names.robot_key(i, names.BASE_INFO) for i in sorted(there - self._bases.keys())]
         for robot_id in sorted(there & self._robots.keys()):
             inputs = self._robots[robot_id].inputs
-            late = [topic for topic in inputs.every_tick if inputs.stamps.get(topic, -1) < stamp]
+            late = [topic for topic in inputs.every_tick if inputs.stamp(topic) < stamp]
             missing += [names.robot_key(robot_id, topic) for topic in late]
         return missing
 
@@ -180,6 +179,6 @@ def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
             messages.decode(messages.PoseStamped, sample.content)
         except DecodeError as error:
             with node.changed:
-                inputs.unreadable_goal = str(error)
+                inputs.newest[names.GOAL_POSE] = str(error)
 
     node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)

@@ -20,13 +20,8 @@ from zteam.node.node import Node
 log = logging.getLogger("zteam")
 
 _VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
-"""Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""
-(
-    _VALUES[0],
-    _VALUES[costs.INSCRIBED_INFLATED_OBSTACLE],
-    _VALUES[costs.LETHAL_OBSTACLE],
-    _VALUES[costs.NO_INFORMATION],
-) = 0, 99, 100, -1
+"""Costs as values of an OccupancyGrid, as Costmap2DPublisher of Nav2 has them: 99 inscribed, 100 lethal, -1 unknown."""
+_VALUES[costs.FREE_SPACE], _VALUES[costs.INSCRIBED_INFLATED_OBSTACLE :] = 0, (99, 100, -1)
 
 _MOST_COSTMAPS = 2.0
 """Hz."""

@@ -6,14 +6,14 @@ from collections.abc import Collection
 from zteam import names
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
-from zteam.navigation.maps import is_finite, planar
+from zteam.messages.planar import is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
-from zteam.navigation.process.costmaps import Costmaps, PlacedScan
+from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
-from zteam.navigation.process.navigator import STOP, Navigator, NavigatorInput
+from zteam.navigation.process.navigator import STOP, Navigator
 from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
@@ -77,16 +77,16 @@ class RobotNavigation:
         """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
         self._take_initial_pose()
         self._take_goal()
-        pose = self._localise(now, seconds, robots)
-        self._command = self._move(now, seconds, pose)
+        here = self._localise(now, seconds, robots)
+        self._command = self._move(now, here)
         self.outputs.drive(now, self._command, active=self.navigator.active)
         if self._costmaps is not None:
-            self.outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
+            self.outputs.show(now, self.navigator, None if here is None else here.pose, self._costmaps)
         self.outputs.tell(now, self.navigator)
         self.outputs.log(self.navigator)
 
     def _take_initial_pose(self) -> None:
-        message, self.inputs.initial_pose = self.inputs.initial_pose, None
+        message = self.inputs.newest.pop(names.INITIAL_POSE, None)
         if message is None:
             return
         pose = _read_initial_pose(message)
@@ -96,21 +96,18 @@ class RobotNavigation:
             log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), pose)
 
     def _take_goal(self) -> None:
-        message, self.inputs.goal = self.inputs.goal, None
-        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
-        if unreadable:
-            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
-        if message is None:
-            return
-        goal = _read_goal(message, self.inputs)
-        if isinstance(goal, str):
-            # A status with numbers that are not finite would be dropped.
-            told = message if is_finite(message.pose) else PoseStamped(message.header)
-            self.navigator.refuse(told, goal)
-        else:
-            self.navigator.accept(message, goal)
+        message = self.inputs.newest.pop(names.GOAL_POSE, None)
+        if isinstance(message, str):
+            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {message}")
+        elif message is not None:
+            goal = _read_goal(message, self.inputs)
+            if isinstance(goal, Pose2):
+                self.navigator.accept(message, goal)
+            else:
+                # A status with numbers that are not finite would be dropped.
+                self.navigator.refuse(message if is_finite(message.pose) else PoseStamped(message.header), goal)
 
-    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> PlacedScan | None:
+    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Situation | None:
         """What the robot sees, and from where; None if it does not know where it is."""
         localiser = self._localiser
         if localiser is None:
@@ -128,48 +125,41 @@ class RobotNavigation:
             odom = self.inputs.odom_pose(0)
             # Without odometry in the transforms, what lasers have seen stays where it is in `map`.
             map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom.inverse())
-        fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
-        return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
+        fresh = now - self.inputs.stamp(names.BASE_SCAN) <= OLD
+        status = self.inputs.newest.get(names.STATUS)
+        is_stopped = status is not None and bool(status.reason)
+        pending, scan = STOP if is_stopped else self._command, scan if fresh else None
+        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending, is_stopped)
 
-    def _is_outage(self, now: int) -> bool:
-        """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
-        has_old_scan = self.inputs.scan is not None and now - self.inputs.stamps.get(names.BASE_SCAN, 0) > OLD
-        return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
-
-    def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
-        navigator, time = self.navigator, now / 1e9
-        problem = self._unfit or _problem(self.inputs, self._localiser, placed)
-        if placed is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+    def _move(self, now: int, here: Situation | None) -> Velocity:
+        navigator = self.navigator
+        if here is not None and self._costmaps is None and self._grid is not None and not self._unfit:
             try:
                 self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
             except ValueError as error:
-                self._unfit = problem = str(error)
-        if placed is not None and self._costmaps is not None:
-            self._costmaps.look(time, placed)
+                self._unfit = str(error)
+        if here is not None and self._costmaps is not None:
+            self._costmaps.look(here)
         if not navigator.active:
             return STOP
+        problem, for_ever = self._find_problem(now, here)
         if problem:
-            return navigator.wait(time, problem, for_ever=self._is_outage(now))
-        if held := self.inputs.is_held(now):
-            return navigator.wait(time, held, for_ever=True)
-        assert placed is not None and self._costmaps is not None
-        is_stopped = self.inputs.status is not None and bool(self.inputs.status.reason)
-        pending = STOP if is_stopped else self._command
-        return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
+            return navigator.wait(now / 1e9, problem, for_ever=for_ever)
+        assert here is not None and self._costmaps is not None
+        return navigator.step(here, self._costmaps)
 
-
-def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | None) -> str:
-    """What keeps a robot from driving; empty if nothing does."""
-    if localiser is None:
-        return NO_MAP
-    if localiser.problem:
-        return localiser.problem
-    if inputs.scan_problem:
-        return inputs.scan_problem
-    if placed is None or placed.scan is None:
-        key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
-        return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
-    return ""
+    def _find_problem(self, now: int, here: Situation | None) -> tuple[str, bool]:
+        """What keeps the robot from driving, empty if nothing does; and whether that is no reason to give up."""
+        inputs, localiser = self.inputs, self._localiser
+        # It knew its place and saw, and what it goes by has stopped to come.
+        has_old_scan = 0 <= inputs.stamp(names.BASE_SCAN) < now - OLD
+        problem = self._unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
+        if not problem and (here is None or here.scan is None):
+            key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
+            problem = f"no scan on {key} for {OLD / 1e9:g} s" if has_old_scan else f"no scan on {key}"
+        if problem:
+            return problem, has_old_scan or (localiser is not None and localiser.is_outdated)
+        return inputs.is_held(now), True
 
 
 def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
@@ -180,7 +170,7 @@ def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
         return f"the goal is in the frame {frame!r}, which no transform leads to"
     if pose is None:
         return "the goal is not finite, too far away, or its orientation is no rotation"
-    return place.pose.compose(pose)
+    return place[0].compose(pose)
 
 
 def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:

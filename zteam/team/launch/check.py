@@ -115,9 +115,9 @@ def _file_problems(file: TeamFile) -> Iterator[Problem]:
 
             yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
     if file.team.team.map is not None:
-        from zteam.navigation.planning.map_files import check_map_file
+        from zteam.config.map_files import read_map_file
 
-        yield from _refused(("team", "map"), partial(check_map_file, folder / file.team.team.map))
+        yield from _refused(("team", "map"), partial(read_map_file, folder / file.team.team.map))
 
 
 def _node_problems(file: TeamFile) -> Iterator[Problem]:

@@ -10,7 +10,7 @@ from zteam.config.map_files import Mode
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.navigation.planning.grid import make_map
-from zteam.navigation.planning.map_files import read_map, write_map
+from zteam.navigation.planning.maps import read_map, write_map
 
 SHADES = np.array([[0, 50, 100, 127], [180, 205, 254, 255]], np.uint8)
 

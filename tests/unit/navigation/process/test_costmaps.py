@@ -9,7 +9,7 @@ from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import Parameters, WindowOptions
 from zteam.navigation.planning.scans import Scan, Teammate
-from zteam.navigation.process.costmaps import Costmaps, PlacedScan, footprint_of
+from zteam.navigation.process.costmaps import Costmaps, Situation
 
 HERE = Pose2(0.0, 0.0, 0.0)
 
@@ -28,24 +28,24 @@ def costmaps() -> Costmaps:
 def test_what_was_seen_keeps_its_place_while_the_robot_drives() -> None:
     """The local costmap is 3 m wide and has the robot in its middle."""
     maps = costmaps()
-    maps.look_near(PlacedScan(HERE, HERE, ahead(1.2), ()))
+    maps.look_near(Situation(0.0, 0.1, HERE, HERE, ahead(1.2), ()))
     assert maps.local.cost_at(1.21, 0.02) == LETHAL_OBSTACLE
     for x in (0.31, 0.62, 0.93):
-        maps.look_near(PlacedScan(Pose2(x, 0.0, 0.0), HERE, None, ()))
+        maps.look_near(Situation(0.0, 0.1, Pose2(x, 0.0, 0.0), HERE, None, ()))
         assert maps.local.cost_at(1.21, 0.02) == LETHAL_OBSTACLE
         middle = maps.local.frame.centre_of(30, 30)
         assert middle == pytest.approx((x, 0.0), abs=0.06)
-    maps.look_near(PlacedScan(Pose2(5.0, 0.0, 0.0), HERE, None, ()))
-    maps.look_near(PlacedScan(HERE, HERE, None, ()))
+    maps.look_near(Situation(0.0, 0.1, Pose2(5.0, 0.0, 0.0), HERE, None, ()))
+    maps.look_near(Situation(0.0, 0.1, HERE, HERE, None, ()))
     assert maps.local.cost_at(1.21, 0.02) == FREE_SPACE
 
 
 def test_a_correction_of_the_localiser_moves_what_was_seen_with_the_robot() -> None:
     """What lasers saw is known in `odom`: it stays where it is beside the robot."""
     maps = costmaps()
-    maps.look_near(PlacedScan(HERE, HERE, ahead(1.2), ()))
+    maps.look_near(Situation(0.0, 0.1, HERE, HERE, ahead(1.2), ()))
     corrected = Pose2(2.0, 3.0, 0.5)
-    maps.look_near(PlacedScan(corrected, corrected, None, ()))
+    maps.look_near(Situation(0.0, 0.1, corrected, corrected, None, ()))
     place = corrected.compose(Pose2(1.21, 0.02, 0.0))
     assert maps.local.cost_at(place.x, place.y) == LETHAL_OBSTACLE
 
@@ -53,9 +53,9 @@ def test_a_correction_of_the_localiser_moves_what_was_seen_with_the_robot() -> N
 def test_teammates_are_obstacles_where_they_are_now() -> None:
     """In both, and no longer where they were; what a laser meets on one is no obstacle of its own."""
     maps = costmaps()
-    maps.look(1.0, PlacedScan(HERE, HERE, ahead(0.9), [Teammate(1.2, 0.0, 0.3)]))
+    maps.look(Situation(1.0, 0.1, HERE, HERE, ahead(0.9), [Teammate(1.2, 0.0, 0.3)]))
     assert maps.local.cost_at(1.2, 0.0) == maps.whole.cost_at(1.2, 0.0) == LETHAL_OBSTACLE
-    maps.look(3.0, PlacedScan(HERE, HERE, None, [Teammate(-1.0, 0.0, 0.3)]))
+    maps.look(Situation(3.0, 0.1, HERE, HERE, None, [Teammate(-1.0, 0.0, 0.3)]))
     assert maps.local.cost_at(1.2, 0.0) == maps.whole.cost_at(1.2, 0.0) == FREE_SPACE
     assert maps.of_map().cost_at(-1.0, 0.0) == FREE_SPACE
 
@@ -63,25 +63,25 @@ def test_teammates_are_obstacles_where_they_are_now() -> None:
 def test_costmaps_are_updated_at_their_frequencies() -> None:
     """The local one five times a second, the global one once."""
     maps = costmaps()
-    maps.look(0.0, PlacedScan(HERE, HERE, None, ()))
-    maps.look(0.1, PlacedScan(HERE, HERE, ahead(1.2), ()))
+    maps.look(Situation(0.0, 0.1, HERE, HERE, None, ()))
+    maps.look(Situation(0.1, 0.1, HERE, HERE, ahead(1.2), ()))
     assert maps.local.cost_at(1.21, 0.02) == FREE_SPACE
-    maps.look(0.2, PlacedScan(HERE, HERE, ahead(1.2), ()))
+    maps.look(Situation(0.2, 0.1, HERE, HERE, ahead(1.2), ()))
     assert (maps.local.cost_at(1.21, 0.02), maps.whole.cost_at(1.21, 0.02)) == (LETHAL_OBSTACLE, FREE_SPACE)
-    maps.look(1.0, PlacedScan(HERE, HERE, ahead(1.2), ()))
+    maps.look(Situation(1.0, 0.1, HERE, HERE, ahead(1.2), ()))
     assert maps.whole.cost_at(1.21, 0.02) == LETHAL_OBSTACLE
 
 
 def test_the_outline_is_that_of_the_parameters_or_of_the_base() -> None:
     """A text of corners as in Nav2, a radius, or nothing."""
-    triangle = footprint_of(
-        WindowOptions(footprint="[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]", footprint_padding=0.0), DEFAULT_BASE
+    triangle = WindowOptions(footprint="[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]", footprint_padding=0.0).outline(
+        DEFAULT_BASE
     )
     assert triangle.corners.tolist() == [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]
-    assert footprint_of(WindowOptions(robot_radius=0.5), DEFAULT_BASE).inscribed_radius == 0.5
-    assert footprint_of(WindowOptions(footprint_padding=0.0), DEFAULT_BASE).corners.tolist() == [
+    assert WindowOptions(robot_radius=0.5).outline(DEFAULT_BASE).inscribed_radius == 0.5
+    assert WindowOptions(footprint_padding=0.0).outline(DEFAULT_BASE).corners.tolist() == [
         list(corner) for corner in DEFAULT_BASE.footprint
     ]
     for text in ("[[0, 0]]", "round"):
         with pytest.raises(ValueError, match="corners"):
-            footprint_of(WindowOptions(footprint=text), DEFAULT_BASE)
+            WindowOptions(footprint=text).outline(DEFAULT_BASE)

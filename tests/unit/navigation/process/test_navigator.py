@@ -14,8 +14,8 @@ from zteam.navigation.planning.controller import BlockedError
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.planning.recovery import RecoveryOptions
-from zteam.navigation.process.costmaps import PlacedScan
-from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator, NavigatorInput
+from zteam.navigation.process.costmaps import Situation
+from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator
 
 AHEAD = Velocity(0.5)
 
@@ -29,7 +29,7 @@ class Maps(NamedTuple):
     def of_map(self) -> str:
         return "static"
 
-    def look_far(self, _now: float, _sight: PlacedScan) -> None:
+    def look_far(self, _here: Situation) -> None:
         """Nothing to see."""
 
 
@@ -88,10 +88,9 @@ class Drive:
         for _ in range(count):
             self.now += 0.1
             self.pose = self.pose if x is None else Pose2(x, 0.0, 0.0)
-            placed = PlacedScan(self.pose, Pose2(0.0, 0.0, 0.0), None, ())
             if self.navigator.active:
-                given = NavigatorInput(self.now, 0.1, placed, STOP)
-                velocity = self.navigator.step(given, Maps())  # type: ignore[arg-type]
+                here = Situation(self.now, 0.1, self.pose, Pose2(0.0, 0.0, 0.0))
+                velocity = self.navigator.step(here, Maps())  # type: ignore[arg-type]
         return velocity
 
 
@@ -199,7 +198,6 @@ def test_what_is_missing_is_waited_for_and_then_given_up() -> None:
 def test_a_command_is_for_the_place_where_it_begins_to_count() -> None:
     """The command before moves the robot for one more step, on an arc."""
     drive = Drive()
-    placed = PlacedScan(Pose2(0.0, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), None, ())
-    given = NavigatorInput(0.1, 0.1, placed, Velocity(0.5, 0.0, 1.0))
-    drive.navigator.step(given, Maps())  # type: ignore[arg-type]
+    here = Situation(0.1, 0.1, Pose2(0.0, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), pending=Velocity(0.5, 0.0, 1.0))
+    drive.navigator.step(here, Maps())  # type: ignore[arg-type]
     assert drive.controller.pose == pytest.approx((0.05 * math.cos(0.05), 0.05 * math.sin(0.05), 0.1))

@@ -24,11 +24,11 @@ from zteam.tf import Buffer
 TICK = 100_000_000
 
 
-class Transforms:
+class Transforms(Buffer):
     """The team's transforms, as the test says."""
 
     def __init__(self) -> None:
-        self.buffer = Buffer()
+        super().__init__()
         self.left: dict[int, Pose2] = {}
 
 
@@ -91,7 +91,7 @@ class Robot:
         frame = parent if parent == "map" else f"robot_0/{parent}"
         header = Header(time_from_ns(self.now), frame)
         transform = messages.TransformStamped(header, f"robot_0/{child}", messages.Transform(messages.Vector3(0.0)))
-        put = self.transforms.buffer.set_transform_static if static else self.transforms.buffer.set_transform
+        put = self.transforms.set_transform_static if static else self.transforms.set_transform
         assert put(transform, "test") is None
 
     def step(self, count: int = 1) -> Velocity:
@@ -106,16 +106,15 @@ class Robot:
                 # The walls of the room of 6 m.
                 angles = np.linspace(-1.0, 1.0, 11)
                 ranges = (2.95 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))).astype(np.float32)
-                self.inputs.scan = LaserScan(
+                self.inputs.newest[names.BASE_SCAN] = LaserScan(
                     Header(time_from_ns(self.now), "base_laser_link"), -1.0, 1.0, 0.2, 0.0, 0.1, 0.0, 30.0, ranges
                 )
-                self.inputs.stamps[names.BASE_SCAN] = self.now
             self.robot.step(self.now, 0.1, [0])
         return self.outputs.velocity
 
     def go(self, x: float, y: float = 0.0) -> None:
         """Send a goal."""
-        self.inputs.goal = make_goal(x, y)
+        self.inputs.newest[names.GOAL_POSE] = make_goal(x, y)
 
 
 def driving(localizer: Localizer = "none") -> Robot:
@@ -170,11 +169,11 @@ def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
 def test_it_waits_for_a_robot_that_is_silent() -> None:
     """The robot's process may be frozen: no recovery begins, and with a status it goes on."""
     robot = driving()
-    robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
-    robot.inputs.stamps[names.STATUS] = robot.now
+    status = RobotStatus(Header(time_from_ns(robot.now)), state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
+    robot.inputs.newest[names.STATUS] = status
     assert robot.step(300) == STOP
     assert (robot.text, robot.robot.navigator.recoveries) == ("robot_0 is silent", 0)
-    robot.inputs.stamps[names.STATUS] = robot.now
+    status.header.stamp = time_from_ns(robot.now)
     assert robot.step().x > 0.0
 
 
@@ -201,14 +200,13 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
         placed = messages.TransformStamped(
             Header(stamp, "map"), "robot_0/base_footprint", messages.Transform(messages.Vector3(0.1 * tick))
         )
-        assert robot.transforms.buffer.set_transform(placed, "test") is None
+        assert robot.transforms.set_transform(placed, "test") is None
         if tick == 1:
             ranges = np.full(1, 1.4, np.float32)
             header = Header(stamp, "base_laser_link")
-            robot.inputs.scan = LaserScan(header, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0, ranges)
-            robot.inputs.stamps[names.BASE_SCAN] = tick * TICK
+            robot.inputs.newest[names.BASE_SCAN] = LaserScan(header, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0, ranges)
         robot.robot.step(tick * TICK, 0.1, [0])
-        robot.inputs.stamps[names.BASE_SCAN] = -(10**10)
+        robot.inputs.newest.clear()
     assert robot.robot._costmaps is not None
     local = robot.robot._costmaps.local
     assert local.cost_at(1.52, 0.02) == LETHAL_OBSTACLE
@@ -222,9 +220,9 @@ def test_fake_makes_the_transform_of_the_truth() -> None:
     robot.go(1.0)
     assert robot.step() == STOP
     assert robot.text == "no ground truth: 'fake' needs a simulator; use amcl"
-    truth = messages.Odometry()
+    truth = messages.Odometry(Header(time_from_ns(2 * TICK)))
     truth.pose.pose.position.x, truth.pose.pose.position.y = 1.0, -0.5
-    robot.inputs.truth, robot.inputs.stamps[names.GROUND_TRUTH] = truth, 2 * TICK
+    robot.inputs.newest[names.GROUND_TRUTH] = truth
     robot.step()
     assert robot.outputs.frames == [Pose2(1.0, -0.5, 0.0)]
 
@@ -264,7 +262,7 @@ def test_parameters_that_do_not_fit_the_map_are_told() -> None:
 def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], text: str) -> None:
     """The robot, on its way to another goal, stops, and takes the next one; what is sent of it can be read."""
     robot = driving()
-    robot.inputs.goal = goal = make_goal(place["x"], 0.0, 0.0, place.get("frame", "map"))
+    robot.inputs.newest[names.GOAL_POSE] = goal = make_goal(place["x"], 0.0, 0.0, place.get("frame", "map"))
     goal.pose.orientation.w = place.get("w", 1.0)
     assert robot.step() == STOP
     assert robot.state is NavigationState.ABORTED
@@ -277,7 +275,7 @@ def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], t
 def test_a_goal_that_cannot_be_read_stops_it() -> None:
     """The bus has dropped it; the goal before does not count any more."""
     robot = driving()
-    robot.inputs.unreadable_goal = "a number is not finite"
+    robot.inputs.newest[names.GOAL_POSE] = "a number is not finite"
     assert robot.step() == STOP
     assert (robot.state, robot.text) == (NavigationState.ABORTED, "the goal cannot be read: a number is not finite")
     assert robot.step() == STOP
@@ -288,7 +286,7 @@ def test_a_goal_that_cannot_be_read_stops_it() -> None:
 def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
     """It is taken to the map where the robot is now."""
     robot = driving()
-    robot.inputs.goal = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
+    robot.inputs.newest[names.GOAL_POSE] = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
     robot.step()
     assert robot.robot.navigator.goal == pytest.approx((1.5, 0.0, 0.5))
 
@@ -304,11 +302,12 @@ def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
 def test_it_waits_without_an_end_for_a_robot_that_does_not_obey_yet(status: RobotStatus, text: str) -> None:
     """Before GO, while a person drives, and while it is stopped; no recovery begins."""
     robot = driving()
-    robot.inputs.status = status
+    status.header.stamp = time_from_ns(robot.now + 300 * TICK)
+    robot.inputs.newest[names.STATUS] = status
     assert robot.step(300) == STOP
     assert (robot.state, robot.text) == (NavigationState.DRIVING, text)
     assert robot.robot.navigator.recoveries == 0
-    robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
+    status.state, status.driver, status.is_stopped = RobotState.RUNNING, RobotDriver.NAVIGATION, False
     assert robot.step().x > 0.0
     assert robot.text == ""
 
@@ -330,10 +329,10 @@ def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: 
     message = messages.PoseWithCovarianceStamped(Header(frame_id="map"))
     message.pose.pose.position.x = 1.0
     message.pose.covariance = np.diag([1e-4] * 6).ravel()
-    robot.inputs.initial_pose = message
+    robot.inputs.newest[names.INITIAL_POSE] = message
     robot.step()
     assert robot.outputs.frames[-1][:2] == pytest.approx((1.0, 0.0), abs=0.2)
-    robot.inputs.initial_pose = messages.PoseWithCovarianceStamped(Header(frame_id="odom"))
+    robot.inputs.newest[names.INITIAL_POSE] = messages.PoseWithCovarianceStamped(Header(frame_id="odom"))
     robot.step()
     assert "the initial pose does not count: its frame is 'odom', not 'map'" in caplog.text
 

@@ -13,7 +13,7 @@ from zteam.bus.presence import ProcessInfo
 from zteam.config.resources import find_world
 from zteam.errors import BusError
 from zteam.navigation.planning.grid import make_map
-from zteam.navigation.planning.map_files import write_map
+from zteam.navigation.planning.maps import write_map
 from zteam.node.kinds import KINDS
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team

@@ -1,61 +1,28 @@
-"""Map files as map_server reads and writes them: YAML beside a picture (pgm or png).
-
-The rules are those of nav2_map_server (map_io.cpp): modes trinary, scale and raw, thresholds, `negate`, and an origin
-with a yaw. Pictures have their uppermost row first, maps have it last.
-"""
+"""Maps as files of map_server, YAML beside a picture (pgm or png), and as messages."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zteam.config.map_files import MapFile, Mode, read_channels, read_map_file
+from zteam import names
+from zteam.config.map_files import FREE, OCCUPIED, UNKNOWN, Mode, read_floor_map
 from zteam.errors import UsageError
-from zteam.navigation.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Time
+from zteam.messages.planar import planar, pose_message
+from zteam.navigation.planning.grid import GridMap, make_map
 
 _FORMATS = {".pgm": "PPM", ".png": "PNG"}
 _UNKNOWN_SHADE = 205
 """Written for unknown cells: 1 − 205 / 255 lies between the thresholds 0.196 and 0.65, the first ones of map_server."""
+_RESOLUTIONS = 1e-4, 1e3
+"""Metres a cell, the least and the most."""
 
 
 def read_map(path: Path | str) -> GridMap:
     """The map of a YAML file. Raises UsageError, which names file and key, for whatever is wrong."""
-    file = check_map_file(Path(path))
-    return make_map(interpret(read_channels(file.image, alpha=True), file), file.resolution, file.origin)
-
-
-def check_map_file(path: Path) -> MapFile:
-    """What the YAML file of a map says. Raises UsageError, also for thresholds that do not fit or a missing picture."""
-    file = read_map_file(path)
-    if not file.image.is_file():
-        raise UsageError(f"there is no {file.image}, the map's image")
-    if not 0.0 <= file.free_thresh < file.occupied_thresh <= 1.0:
-        keys = f"{path}: free_thresh, occupied_thresh"
-        raise UsageError(f"{keys}: give two shares from 0 to 1, the first one below the other")
-    return file
-
-
-def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
-    """Cells (rows, columns) of a picture (rows, columns, channels), 0 to 255, as `file` says; its last row first."""
-    channels = pixels[::-1].astype(np.float64) / 255.0
-    has_alpha, alpha = channels.shape[2] in (2, 4), channels[:, :, -1]
-    shade = (channels[:, :, :-1] if has_alpha else channels).mean(axis=2)
-    if file.mode == "trinary" and has_alpha:
-        # map_server takes the mean of red, green, blue and alpha, for the sake of old maps.
-        shade = (3.0 * shade + alpha) / 4.0
-    if file.mode == "raw":
-        value = np.rint(shade * 255.0)
-        return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
-    occupancy = shade if file.negate else 1.0 - shade
-    between: Any = UNKNOWN
-    if file.mode == "scale":
-        between = np.rint((occupancy - file.free_thresh) / (file.occupied_thresh - file.free_thresh) * 100.0)
-    cells = np.where(occupancy < file.free_thresh, FREE, between)
-    cells = np.where(occupancy > file.occupied_thresh, OCCUPIED, cells)
-    if file.mode == "scale" and has_alpha:
-        cells = np.where(alpha < 1.0, UNKNOWN, cells)
-    return cells.astype(np.int8)
+    found = read_floor_map(Path(path))
+    return make_map(found.cells, found.resolution, found.map_from_corner)
 
 
 def write_map(grid: GridMap, path: Path | str, *, mode: Mode = "trinary", suffix: str | None = None) -> list[Path]:
@@ -66,10 +33,9 @@ def write_map(grid: GridMap, path: Path | str, *, mode: Mode = "trinary", suffix
     """
     path = Path(path)
     suffix = suffix or (".png" if mode == "scale" else ".pgm")
-    if suffix not in _FORMATS or path.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"a map is a file .yaml with a picture .pgm or .png, not {path.name} with {suffix}")
-    if mode == "scale" and suffix != ".png":
-        raise UsageError("mode scale marks unknown cells by transparency: it needs a .png")
+    if suffix not in _FORMATS or path.suffix not in (".yaml", ".yml") or (mode == "scale" and suffix != ".png"):
+        kinds = "a picture .pgm or .png (in mode scale .png, for unknown cells are transparent)"
+        raise UsageError(f"a map is a file .yaml with {kinds}, not {path.name} with {suffix}")
     image = path.with_suffix(suffix)
     # Thresholds that let every value come back.
     free, occupied = (0.0, 1.0) if mode == "scale" else (0.196, 0.65)
@@ -106,3 +72,22 @@ def to_three_values(grid: GridMap, free: float, occupied: float) -> GridMap:
     cells = np.where(grid.cells >= 100.0 * occupied, OCCUPIED, UNKNOWN)
     cells = np.where((grid.cells >= 0) & (grid.cells <= 100.0 * free), FREE, cells)
     return make_map(cells.astype(np.int8), grid.frame.resolution, grid.frame.origin)
+
+
+def map_message(grid: GridMap) -> OccupancyGrid:
+    """A map in the frame `map`, with stamp 0: it holds at all times."""
+    frame = grid.frame
+    info = MapMetaData(Time(), frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
+    return OccupancyGrid(Header(Time(), names.MAP_FRAME), info, grid.cells.ravel())
+
+
+def map_grid(message: OccupancyGrid) -> GridMap:
+    """The grid of a map that came on the bus. Raises UsageError if its numbers do not fit each other."""
+    info, origin = message.info, planar(message.info.origin)
+    # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
+    resolution = float(str(np.float32(info.resolution)))
+    is_whole = message.data.size == info.width * info.height > 0
+    if not is_whole or origin is None or not _RESOLUTIONS[0] <= resolution <= _RESOLUTIONS[1]:
+        size = f"{message.data.size} values for {info.width} x {info.height} cells of {resolution:g} m"
+        raise UsageError(f"the map has {size}, and must have one for each, 1e-4 to 1e3 m, and an origin in the plane")
+    return make_map(np.array(message.data, np.int8).reshape(info.height, info.width), resolution, origin)
