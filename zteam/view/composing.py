@@ -143,16 +143,16 @@ class Composer:
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         offset = to_seconds(self._state.places.stamp) - now
-        for watch, number in list(viewer.watches.items()):
-            if watch.field:
-                newest, pairs = samples_since(self._state.received, watch.topic, watch.field, number, offset)
-                viewer.watches[watch] = newest
+        for (topic, field), number in list(viewer.watches.items()):
+            if field:
+                newest, pairs = samples_since(self._state.received, topic, field, number, offset)
+                viewer.watches[topic, field] = newest
                 if len(pairs):
-                    yield frames.encode_samples(watch.topic, watch.field, pairs)
-            elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
-                arrival = self._state.received.get(watch.topic)
+                    yield frames.encode_samples(topic, field, pairs)
+            elif viewer.lacks((topic, "looked at"), int(now / FAST)):
+                arrival = self._state.received.get(topic)
                 if arrival is not None and arrival.number != number:
-                    viewer.watches[watch] = arrival.number
+                    viewer.watches[topic, field] = arrival.number
                     yield frames.encode_doc("echo", self._documents.echo(arrival))
 
 

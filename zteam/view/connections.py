@@ -10,9 +10,11 @@ import logging
 import resource
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
+from starlette.types import Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
@@ -21,8 +23,6 @@ log = logging.getLogger("zteam")
 PATIENCE = 10.0
 """Host seconds for a connection to bring a whole request, the first or the next."""
 _SHORTAGE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-
-Address = tuple[str, int]
 
 
 def share_of_descriptors(part: int, most: int) -> int:
@@ -40,28 +40,23 @@ class Connections:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._timers: dict[asyncio.Transport, asyncio.TimerHandle] = {}
-        """Of those that wait, the oldest first."""
-        self._busy: dict[asyncio.Transport, None] = {}
+        self._open: dict[asyncio.Transport, asyncio.TimerHandle | None] = {}
+        """Those that are not kept, the oldest first, with the end of their patience; None while they are busy."""
         self._kept: dict[asyncio.Transport, bool] = {}
         """Whether each is trusted."""
-        self._by_address: dict[Address, asyncio.Transport] = {}
         self._told = False
-
-    def find(self, address: Address | None) -> asyncio.Transport | None:
-        return None if address is None else self._by_address.get(address)
 
     def open(self, transport: asyncio.Transport) -> None:
         """A connection has come, and waits for its request."""
-        if len(self._timers) + len(self._busy) + len(self._kept) >= self._most:
-            self.end(next(iter([*self._timers, *self._busy]), transport))
-        self._by_address[_address(transport)] = transport
+        if len(self._open) + len(self._kept) >= self._most:
+            self.end(min(self._open, key=lambda each: self._open[each] is None, default=transport))
         self._wait(transport)
 
     def _wait(self, transport: asyncio.Transport, unsent: int = 0) -> None:
         # Host time: a client's silence.
         loop = asyncio.get_running_loop()
-        self._timers[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
+        self._open.pop(transport, None)
+        self._open[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
 
     def _look_at(self, transport: asyncio.Transport, unsent: int) -> None:
         """End it, unless it takes the answer to its last request still."""
@@ -71,50 +66,40 @@ class Connections:
         else:
             self.end(transport)
 
-    def begin(self, transport: asyncio.Transport | None) -> None:
-        if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
+    def begin(self, transport: asyncio.Transport) -> None:
+        """Its request has come."""
+        if (timer := self._open.get(transport)) is not None:
             timer.cancel()
-            self._busy[transport] = None
+            self._open[transport] = None
 
-    def rest(self, transport: asyncio.Transport | None) -> None:
-        if transport is not None and transport in self._busy:
-            del self._busy[transport]
+    def rest(self, transport: asyncio.Transport) -> None:
+        """Its request is answered."""
+        if transport in self._open:
             self._wait(transport)
 
-    def keep(self, transport: asyncio.Transport | None, *, trusted: bool) -> bool:
+    def keep(self, transport: asyncio.Transport, *, trusted: bool) -> bool:
         """Never end it by itself from now on, unless too many come; False if there are too many that are trusted.
 
         It takes the place of the oldest one that is not.
         """
-        if transport is None:
-            return False
         if transport not in self._kept and len(self._kept) >= self._most // 2:
             stranger = next((each for each, is_trusted in self._kept.items() if not is_trusted), None)
             if stranger is None:
                 return False
             self.end(stranger)
-        self._forget(transport)
+        self._open.pop(transport, None)
         self._kept[transport] = trusted
         return True
 
     def close(self, transport: asyncio.Transport) -> None:
-        self._forget(transport)
         self._kept.pop(transport, None)
-        if self._by_address.get(address := _address(transport)) is transport:
-            del self._by_address[address]
-
-    def _forget(self, transport: asyncio.Transport) -> None:
-        if timer := self._timers.pop(transport, None):
+        if timer := self._open.pop(transport, None):
             timer.cancel()
-        self._busy.pop(transport, None)
 
-    def end_all(self) -> None:
-        for transport in [*self._timers, *self._busy, *self._kept]:
-            self.end(transport)
-
-    def end(self, transport: asyncio.Transport) -> None:
-        transport.abort()
-        self.close(transport)
+    def end(self, *transports: asyncio.Transport) -> None:
+        for transport in transports or (*self._open, *self._kept):
+            transport.abort()
+            self.close(transport)
 
     def on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """An error on the thread of the server: where no descriptor is left, say so once and end what waits."""
@@ -122,31 +107,34 @@ class Connections:
         if not (isinstance(error, OSError) and error.errno in _SHORTAGE):
             loop.default_exception_handler(context)
             return
-        for transport in [*self._timers, *self._busy]:
+        for transport in [*self._open]:
             self.end(transport)
         if not self._told:
             self._told = True
             log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)
 
 
-def _address(transport: asyncio.Transport) -> Address:
-    host, port = transport.get_extra_info("peername")[:2]
-    return host, port
+Answer = Callable[[asyncio.Transport, Scope, Receive, Send], Awaitable[None]]
 
 
-def protocols_of(connections: Connections) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
-    """Those of HTTP and of WebSocket, whose connections are counted."""
+def protocols_of(connections: Connections, answer: Answer) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+    """Those of HTTP and of WebSocket, whose connections are counted; `answer` is told which one a request is of."""
 
     class Http(H11Protocol):
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             connections.open(transport)
             super().connection_made(transport)
+            self.app = partial(answer, transport)
 
         def connection_lost(self, exc: Exception | None) -> None:
             connections.close(self.transport)
             super().connection_lost(exc)
 
     class WebSocket(WebSocketsSansIOProtocol):
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            self.app = partial(answer, transport)
+
         def connection_lost(self, exc: Exception | None) -> None:
             connections.close(self.transport)
             super().connection_lost(exc)
@@ -196,7 +184,7 @@ class Front:
         server = await asyncio.start_server(self._let_in, sock=self._listener, backlog=MOST_CLIENTS, limit=MAX_HEAD)
         await self._closing.wait()
         server.close()
-        self._connections.end_all()
+        self._connections.end()
 
     async def _let_in(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Pass the bytes of one client to the server and back until either side ends."""

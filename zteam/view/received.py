@@ -264,8 +264,8 @@ class Viewer:
     def __init__(self, number: int, may_command: bool) -> None:
         self.number, self.may_command = number, may_command
         self.look = Look()
-        self.watches: dict[Watch, int] = {}
-        """What it watches, with the number of the newest message that it has of it."""
+        self.watches: dict[tuple[str, str], int] = {}
+        """The topics and fields that it watches, with the number of the newest message that it has of each."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
         self.log_number = 0
@@ -297,9 +297,11 @@ class Viewer:
             self._acknowledged = max(ack.frame, self._acknowledged)
 
     def take_watch(self, watch: Watch) -> None:
-        """It watches a topic from now on, unless it watches too many."""
-        if len(self.watches) < MAX_WATCHES:
-            self.watches.setdefault(watch, 0)
+        """It watches a topic or field from now on, unless it watches too many, or no more."""
+        if watch.op == "unwatch":
+            self.watches.pop((watch.topic, watch.field), None)
+        elif len(self.watches) < MAX_WATCHES:
+            self.watches.setdefault((watch.topic, watch.field), 0)
 
     def next_frame(self, now: float) -> int:
         """Count a frame that is sent now; its number."""
@@ -369,7 +371,7 @@ def topics_of(
         if viewer.inspected is not None:
             wanted |= sensor_topics(viewer.inspected)
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
-        wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
+        wanted |= {Topic(topic, latched=not field, every=bool(field)) for topic, field in viewer.watches}
         if "log" in viewer.look.docs:
             wanted.add(Topic(names.log_key(), Log, every=True))
         if "goals" in layers:
