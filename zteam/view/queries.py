@@ -25,7 +25,7 @@ from zteam.node.log_client import kept_lines
 from zteam.node.logs import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.robot.client import DESCRIBE, DescribeReply, find_lists
-from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
+from zteam.simulator.client import ObstaclesReply, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
@@ -186,25 +186,15 @@ class TeamQueries:
         if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
             self.obstacles = self._first("obstacles", ObstaclesReply)
 
-    def sample(self, scans_of: Collection[int], *, transforms: bool) -> None:
-        """Take the newest scans of these robots, and the newest transforms; the caller waits for the answers."""
-        if scans_of:
-            request = ScansRequest(sorted(scans_of))
-            for _, reply in self._ask(names.service_key(names.SIMULATOR, "scans"), ScansReply, request):
-                for scan in reply.scans:
-                    self._received.take(scan.key, scan.content)
-        # After the scans, so that it is known where their robots were.
-        if transforms:
-            for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                self._received.take(names.TF, bundle.content)
-
     def _ask_for_repeat(self, opened: int) -> None:
         """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
         sim, missed = self.sim, opened != self._opened
         self._opened = opened
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
             # The aggregator does not send a tick's bundle twice.
-            self.sample((), transforms=self._received.get(names.TF) is None)
+            if self._received.get(names.TF) is None:
+                for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
+                    self._received.take(names.TF, bundle.content)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
 
     def _ask_counts(self) -> None:

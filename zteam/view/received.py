@@ -349,20 +349,18 @@ def topics_of(
     drawables: Drawables,
     *,
     aggregator: bool,
-    sampled: Collection[int] | None = None,
     truth_of: Collection[int] = (),
 ) -> set[Topic]:
     """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's.
 
     What localisers say of the robots `truth_of` is compared with the simulator's own.
-    The scans of the robots `sampled` and the transforms are asked for now and then, unless it is None.
     """
     if not viewers:
         return set()
     wanted = {*TEAM}
     if not aggregator:
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
-    elif sampled is None:
+    else:
         wanted.add(Topic(names.TF, TFMessage))
         wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
     for viewer in viewers:
@@ -381,11 +379,7 @@ def topics_of(
             wanted |= {Topic(names.robot_key(i, names.GLOBAL_COSTMAP), latched=True) for i in viewer.look.selected}
         robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
         if "scans" in layers:
-            wanted |= {
-                Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan)
-                for i in robots
-                if i not in (sampled or ())
-            }
+            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan) for i in robots}
         if "sonars" in layers:
             wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
         if "fiducials" in layers:
@@ -407,9 +401,3 @@ def _distance(viewer: Viewer, pose: Pose2) -> float:
     if not view:
         return 0.0
     return abs(pose.x - (view[0] + view[2]) / 2) + abs(pose.y - (view[1] + view[3]) / 2)
-
-
-def scanned_robots(viewers: Collection[Viewer], poses: Mapping[int, Pose2]) -> set[int]:
-    """The robots whose scans some page is shown."""
-    shown = [viewer for viewer in viewers if "scans" in viewer.look.layers]
-    return {robot_id for viewer in shown for robot_id in robots_in_sight(viewer, poses)}

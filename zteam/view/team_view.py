@@ -30,7 +30,6 @@ from zteam.view.received import (
     Received,
     Subscriptions,
     Viewer,
-    scanned_robots,
     topics_of,
 )
 
@@ -277,34 +276,18 @@ class TeamView:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
         self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
-        sim, aggregator, sampled = self.queries.sim, self.queries.alive(names.AGGREGATOR), self._choose_sampled()
-        self.places.compared = self._localised() if sim is not None and sampled is None else ()
+        sim, aggregator = self.queries.sim, self.queries.alive(names.AGGREGATOR)
+        self.places.compared = self._localised() if sim is not None else ()
         wanted = topics_of(
-            viewers.values(),
-            self.poses,
-            self.drawables,
-            aggregator=aggregator,
-            sampled=sampled,
-            truth_of=self.places.compared,
+            viewers.values(), self.poses, self.drawables, aggregator=aggregator, truth_of=self.places.compared
         )
         if sim is not None:
             self.received.keep_robots(self._in_world(sim))
         self._subscriptions.match(wanted)
-        if sampled is not None:
-            self.queries.sample(sampled, transforms=aggregator)
         if not viewers:
             self.received.clear()
             self.places, self.poses = Places(self.received), {}
-        period = LOOK if sampled is None else FAST_PERIOD
-        self.node.wait(lambda: self._looks != looks, period if viewers else REST)
-
-    def _choose_sampled(self) -> set[int] | None:
-        """Where time runs fast a page sees one message of many, and each that comes slows the run: the robots whose
-        scans are asked for instead, or None for no sampling."""
-        sim, viewers = self.queries.sim, self.viewers.values()
-        if sim is None or not viewers or not self._runs_fast:
-            return None
-        return scanned_robots(viewers, self.poses) & set(sim.robots)
+        self.node.wait(lambda: self._looks != looks, LOOK if viewers else REST)
 
     def _ask(self) -> None:
         try:

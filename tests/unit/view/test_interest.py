@@ -7,7 +7,6 @@ from zteam.view.received import (
     Received,
     Viewer,
     robots_in_sight,
-    scanned_robots,
     topics_of,
 )
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
@@ -71,14 +70,6 @@ def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:
     assert "tf" in keys(viewer(Look()))
     assert keys(viewer(Look()), aggregator=False) >= {"robot_$*/base_pose_ground_truth"}
     assert "tf" not in keys(viewer(Look()), aggregator=False)
-
-
-def test_what_is_sampled_is_not_subscribed_to() -> None:
-    """Scans of the sampled robots and the transforms; a robot without a simulator keeps its subscription."""
-    look = viewer(Look(layers=["scans"]))
-    assert scanned_robots([look, viewer(Look())], POSES) == {0, 1, 2}
-    sampled = topics_of([look], POSES, make_drawables(), aggregator=True, sampled={0, 1})
-    assert {topic.key for topic in sampled} == keys(look) - {"tf", "robot_0/base_scan$*", "robot_1/base_scan$*"}
 
 
 def test_two_pages_share_their_subscriptions() -> None:

@@ -13,8 +13,6 @@ def test_each_request_is_told_by_its_op() -> None:
     assert decode_request('{"op":"hello","version":1}') == requests.Hello(1, "", op="hello")
     drive = decode_request('{"op":"drive","robot":3,"linear":0.5,"angular":0}')
     assert drive == requests.Drive(3, 0.5, 0.0, op="drive")
-        3, 0.5, 0.0, op="drive"
-    )
     look = decode_request('{"op":"look","viewport":[0,0,1,1],"layers":["scans"],"docs":["log"]}')
     assert look == requests.Look(viewport=[0, 0, 1, 1], layers=["scans"], docs=["log"], op="look")
 
