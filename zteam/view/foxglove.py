@@ -30,7 +30,6 @@ from zteam.messages import (
     PoseArray,
     PoseStamped,
     Range,
-    decode,
     encode,
     ns_from_time,
     type_of_encoding,
@@ -85,16 +84,12 @@ def shown_keys(declarations: Iterable[Declaration]) -> dict[str, type[Message] |
     return found
 
 
-def _is_goal(key: str) -> bool:
-    target = names.split_robot_key(key)
-    return target is not None and target[1] == names.GOAL_POSE
-
-
 class _Shown:
     """One key, with its channel as soon as its type is known."""
 
-    def __init__(self, kind: type[Message] | None) -> None:
+    def __init__(self, key: str, kind: type[Message] | None) -> None:
         self.kind = kind
+        self.latched = type_of_key(key) is None or is_latched(key)
         self.channel: Channel | None = None
         self.clients: set[int] = set()
         self.handle: Closeable | None = None
@@ -108,8 +103,8 @@ class _Shown:
 class FoxgloveServer:
     """Runs on a thread of its own, from `start` until `close`.
 
-    Its clients' requests come on threads of the SDK, and messages on those of the bus. Both only note what came, and
-    hand messages on: the thread of this server makes all calls of the bus.
+    Its clients' requests come on threads of the SDK, and messages on those of the bus. They only note what came,
+    or hand messages on: the thread of this server makes all calls of the bus.
     """
 
     def __init__(self, node: ProcessNode, host: str, port: int) -> None:
@@ -119,9 +114,7 @@ class FoxgloveServer:
         self._node, self._bus = node, node.bus
         self._context = Context()
         self._shown: dict[str, _Shown] = {}
-        self._last: dict[str, bytes] = {}
-        """The last message of each latched key that is subscribed to, and each robot's last goal."""
-        self._wakes = 0
+        self._woken = threading.Event()
         self._keys_due = Every(KEYS_PERIOD)
         self._clock: Closeable | None = None
         self._sim_time: int | None = None
@@ -156,6 +149,7 @@ class FoxgloveServer:
         self._front.start()
 
     def close(self) -> None:
+        self._woken.set()
         self._front.close()
         self._server.stop()
         self._thread.join(1.0)
@@ -163,39 +157,27 @@ class FoxgloveServer:
     # What clients ask for, by names that the SDK gives
 
     def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:
-        key = names.strip_slash(channel.topic)
-        with self._node.changed:
-            shown = self._shown.get(key)
-            if shown is not None:
-                shown.clients.add(client.id)
-                shown.is_late = True
-        self._wake()
+        if (shown := self._shown.get(names.strip_slash(channel.topic))) is not None:
+            shown.clients.add(client.id)
+            shown.is_late = True
+        self._woken.set()
 
     def on_unsubscribe(self, client: "Client", channel: "ChannelView") -> None:
         """A client looks no more at a topic, or has gone."""
-        with self._node.changed:
-            shown = self._shown.get(names.strip_slash(channel.topic))
-            if shown is not None:
-                shown.clients.discard(client.id)
-        self._wake()
-
-    def _wake(self) -> None:
-        with self._node.changed:
-            self._wakes += 1
-            self._node.changed.notify_all()
+        if (shown := self._shown.get(names.strip_slash(channel.topic))) is not None:
+            shown.clients.discard(client.id)
+        self._woken.set()
 
     # The team's side
 
     def _run(self) -> None:
         try:
-            # The bus keeps no goal for those that come late.
-            self._bus.subscribe_raw(names.all_robots_key(names.GOAL_POSE), self._on_goal)
             while not self._node.stopping:
-                wakes = self._wakes
+                self._woken.clear()
                 if self._keys_due.due():
                     self._match_keys(shown_keys(self._bus.declarations()))
                 self._match_subscriptions()
-                self._node.wait(lambda seen=wakes: self._wakes != seen, self._keys_due.left())  # type: ignore[misc]
+                self._woken.wait(self._keys_due.left())
         except BaseException as error:
             self._node.fail(error)
 
@@ -206,15 +188,10 @@ class FoxgloveServer:
             if shown.missed >= PATIENCE:
                 self._drop(key)
         for key in sorted(there.keys() - self._shown.keys())[: MAX_CHANNELS - len(self._shown)]:
-            shown = _Shown(there[key])
-            with self._node.changed:
-                self._shown[key] = shown
-            self._open_channel(key, shown)
+            self._shown[key] = _Shown(key, there[key])
 
     def _drop(self, key: str) -> None:
-        with self._node.changed:
-            shown = self._shown.pop(key)
-            self._last.pop(key, None)
+        shown = self._shown.pop(key)
         if shown.handle is not None:
             shown.handle.close()
         if shown.channel is not None:
@@ -237,66 +214,46 @@ class FoxgloveServer:
             if sim is not None:
                 self._sim_time = sim.now
                 self._server.broadcast_time(sim.now)
-            self._clock = self._bus.subscribe_contents(names.CLOCK, Clock, self._on_clock)
+            self._clock = self._bus.subscribe(names.CLOCK, Clock, self._on_clock)
         for key, shown in self._shown.items():
             self._open_channel(key, shown)
-            if shown.is_late and shown.channel is not None:
-                shown.is_late = False
-                if (last := self._last.get(key)) is not None:
-                    # The others get it once more, and draw the same.
-                    self._show(shown.channel, last)
             # A key of unknown type is subscribed to until its first message.
             wanted = bool(shown.clients) or shown.kind is None
-            if wanted and shown.handle is None and not _is_goal(key):
-                shown.handle = self._subscribe(key, shown)
-            elif not wanted and shown.handle is not None:
-                shown.handle.close()
-                shown.handle = None
-                # Until the next client comes this is not the last one any more.
-                self._last.pop(key, None)
+            before, renews, shown.is_late = shown.handle, shown.is_late and shown.latched, False
+            if renews or wanted != (before is not None):
+                # A new subscription gets what is latched once more; the other clients draw the same.
+                shown.handle = self._subscribe(key, shown) if wanted else None
+                if before is not None:
+                    before.close()
         if not watched and self._clock is not None:
             self._clock.close()
             self._clock = self._sim_time = None
 
     def _subscribe(self, key: str, shown: _Shown) -> Closeable | None:
-        kind, latched = shown.kind, shown.kind is None or type_of_key(key) is None or is_latched(key)
-
-        def take(key: str, content: bytes | Message) -> None:
-            data = content if isinstance(content, bytes) else encode(content)
-            if latched:
-                self._last[key] = data
+        def take(_key: str, content: bytes | Message) -> None:
             if shown.channel is not None:
-                self._show(shown.channel, data)
+                self._show(shown.channel, content if isinstance(content, bytes) else encode(content))
 
         def take_sample(sample: RawSample) -> None:
+            kind = type_of_encoding(sample.encoding)
             if shown.kind is None:
-                shown.kind = type_of_encoding(sample.encoding) or Message
-                self._wake()
-            if type_of_encoding(sample.encoding) in (shown.kind, None):
+                shown.kind, shown.is_late = kind or Message, True
+                self._woken.set()
+            elif kind in (shown.kind, None):
                 take(sample.key, sample.content)
 
         try:
-            if kind is not None and not latched:
+            if shown.kind is not None and not shown.latched:
                 # Without time and source of each message, which cost most of a view's time.
-                return self._bus.subscribe_contents(key, kind, take)
-            return self._bus.subscribe_raw(key, take_sample, latched=latched)
+                return self._bus.subscribe_contents(key, shown.kind, take)
+            return self._bus.subscribe_raw(key, take_sample, latched=shown.latched)
         except BusError as error:
             log.debug("%s", error)
             return None
 
-    def _on_goal(self, sample: RawSample) -> None:
-        data = sample.payload
-        with self._node.changed:
-            self._last[sample.key] = data
-            shown = self._shown.get(sample.key)
-        if shown is not None and shown.channel is not None:
-            self._show(shown.channel, data)
-
-    def _on_clock(self, _key: str, content: bytes | Message) -> None:
-        message = decode(Clock, content) if isinstance(content, bytes) else content
-        if isinstance(message, Clock):
-            self._sim_time = ns_from_time(message.clock)
-            self._server.broadcast_time(self._sim_time)
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self._sim_time = ns_from_time(message.clock)
+        self._server.broadcast_time(self._sim_time)
 
     def _now(self) -> int:
         return wall_ns() if self._sim_time is None else self._sim_time
