@@ -329,6 +329,12 @@ def sensor_topics(robot_id: int) -> set[Topic]:
     }
 
 
+SENSED: Mapping[str, tuple[str, type[Message]]] = {
+    "scans": (names.all_numbered(names.BASE_SCAN), LaserScan),
+    "sonars": (names.all_numbered(names.SONAR), Range),
+    "fiducials": (names.FIDUCIALS, Fiducials),
+}
+"""What the layers of sensors show of each robot in sight."""
 MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
 
@@ -377,13 +383,9 @@ def topics_of(
             wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))
         if "costs" in layers:
             wanted |= {Topic(names.robot_key(i, names.GLOBAL_COSTMAP), latched=True) for i in viewer.look.selected}
-        robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
-        if "scans" in layers:
-            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan) for i in robots}
-        if "sonars" in layers:
-            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
-        if "fiducials" in layers:
-            wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), Fiducials) for i in robots}
+        for layer in layers & SENSED.keys():
+            topic, kind = SENSED[layer]
+            wanted |= {Topic(names.robot_key(i, topic), kind) for i in robots_in_sight(viewer, poses)}
     return wanted
 
 

@@ -70,71 +70,15 @@ class RobotRow(msgspec.Struct):
     """Whether nothing would hold it: it is a real base without a robot process."""
 
 
-class Waiting(msgspec.Struct):
-    """A robot that GO waits for."""
-
-    id: int
-    reason: str = ""
-
-
-class GateRow(msgspec.Struct):
-    """The start gate."""
-
-    state: str = "waiting"
-    text: str = ""
-    waiting_for: list[Waiting] = []
-
-
-class SimRow(msgspec.Struct):
-    """The simulator."""
-
-    present: bool = False
-    state: str = ""
-    speed: float | None = None
-    rtf: float = 0.0
-    lockstep: bool = False
-    waits_for: str = ""
-    models: list[str] = []
-    tick: int = 0
-
-
-class TeamDocument(msgspec.Struct):
-    """What the page gets as `team`."""
-
-    robots: list[RobotRow] = []
-    outlines: list[msgspec.Raw] = []
-    """Polygons in metres, in `base_footprint`."""
-    gate: GateRow = msgspec.field(default_factory=GateRow)
-    sim: SimRow = msgspec.field(default_factory=SimRow)
-    router: bool = True
-    viewers: int = 0
-    namespace: str = ""
-    behaviors: list[str] = []
-    """Those that a robot can be started with: zteam knows them, and they need no parameters."""
-    launcher: bool = False
-    """Whether there is one, which starts robots (`up/start`)."""
-    options: str = ""
-    """What a command that is typed needs to find the team, such as ` --connect tcp/10.0.0.2:7447`."""
-    loading: bool = False
-    """Whether a simulator or robots that are here may not have been heard yet."""
-    lists: dict[int, bool] = {}
-    """By robot that drives through a list of goals: whether the list is paused."""
-
-
 def robot_row(
-    robot_id: int,
-    outlines: Outlines,
-    *,
-    present: bool,
-    alive: bool = False,
-    status: RobotStatus | None = None,
-    age: float = 0.0,
-    base: BaseInfo | None = None,
-    shape: RobotShape | None = None,
-    lease: int | None = None,
-) -> RobotRow:
+    robot_id: int, outlines: Outlines, *, present: bool, alive: bool = False, status: RobotStatus | None = None,
+    age: float = 0.0, base: BaseInfo | None = None, shape: RobotShape | None = None, lease: int | None = None,
+    sim: SimStatus | None = None, processes: Sequence[str] = (), amcl: PoseWithCovarianceStamped | None = None,
+    places: tuple[Pose2, Pose2] | None = None,
+) -> RobotRow:  # fmt: skip
     """A robot's row: whether a process holds its name, its newest status and how old that is (host seconds), its base,
-    its shape as the simulator tells it, and the viewer that drives it."""
+    its shape as the simulator tells it, the viewer that drives it, the names of its processes, the estimate of its
+    localiser, and where it is and takes itself to be."""
     row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=lease)
     outline: Sequence[object] = ()
     if shape is not None:
@@ -143,89 +87,80 @@ def robot_row(
         row.model, outline = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
     if outline:
         row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
-    if status is None:
-        if present and not alive:
-            row.state, row.reason = "undriven", "drive it, or start one"
-        else:
-            row.reason = "no status yet" if alive else "no process"
-        return row
-    row.behavior, row.driver, row.leader = short(status.behavior), short(status.driver), status.followed
-    row.age = round(age, 2)
-    if not alive:
-        row.state = "stopped" if status.state == RobotState.STOPPED else "lost"
-        row.driver, row.reason = RobotDriver.NONE, "its process is gone"
-        return row
-    row.speed = round(status.speed, 3)
-    if age > SILENT_AFTER:
-        row.state, row.reason = "silent", "does not answer"
-        return row
-    row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
-    row.reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
-    if not row.speed and not row.reason:
-        row.reason = "turns, or drives sideways"
+    row.state, reason = _state_of(status, present=present, alive=alive, age=age)
+    row.stopped = sim is not None and robot_id in sim.stopped
+    if status is not None:
+        row.behavior, row.leader, row.age = short(status.behavior), status.followed, round(age, 2)
+        row.driver = short(status.driver) if alive else RobotDriver.NONE
+        row.speed = round(status.speed, 3) if alive else None
+        row.stopped |= alive and status.is_stopped
+    if sim is not None and not present:
+        reason = f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"
+    elif sim is not None and row.speed is not None and (sim.finished or sim.paused):
+        reason = "the run is over" if sim.finished else "the world is paused"
+    row.truth, lost = _find_lost(amcl, places)
+    row.localised, row.reason = not lost, " · ".join(filter(None, (lost, reason)))
     return row
 
 
-def add_circumstances(
-    row: RobotRow, sim: SimStatus | None, processes: Sequence[str], amcl: PoseWithCovarianceStamped | None,
-    places: tuple[Pose2, Pose2] | None,
-) -> None:  # fmt: skip
-    """Add what the robot's own status does not tell: that its world stands, or is without it; that it is lost.
+def _state_of(status: RobotStatus | None, *, present: bool, alive: bool, age: float) -> tuple[str, str]:
+    """A robot's state as the monitor names it, and why it stands."""
+    if status is None:
+        is_undriven = present and not alive
+        reason = "drive it, or start one" if is_undriven else "no status yet" if alive else "no process"
+        return "undriven" if is_undriven else "absent", reason
+    if not alive:
+        return "stopped" if status.state == RobotState.STOPPED else "lost", "its process is gone"
+    if age > SILENT_AFTER:
+        return "silent", "does not answer"
+    reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    if not reason and not round(status.speed, 3):
+        reason = "turns, or drives sideways"
+    return RobotState.TEXT[min(status.state, RobotState.FAULT)], reason
 
-    `places`: where it is, and where it takes itself to be."""
-    told = [row.reason]
-    if sim is not None and not row.present:
-        told = [f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"]
-    elif sim is not None and row.speed is not None and (sim.finished or sim.paused):
-        told = ["the run is over" if sim.finished else "the world is paused"]
-    wide = math.sqrt(max(0.0, *amcl.pose.covariance[[0, 7]])) if amcl else 0.0
+
+def _find_lost(
+    amcl: PoseWithCovarianceStamped | None, places: tuple[Pose2, Pose2] | None
+) -> tuple[list[float] | None, str]:
+    """Where a robot is that is far from where it takes itself to be; and that it is lost, in words."""
     if places is not None:
         (truth, believed), turn = places, abs(normalize_angle(places[0].yaw - places[1].yaw))
         away = math.dist(truth[:2], believed[:2])
         if away > LOST_DISTANCE or turn > LOST_TURN:
-            row.truth = [round(value, 2) for value in truth]
             # To half a metre and ten degrees: each change is sent to every page.
-            told.insert(
-                0, f"localisation lost: about {round(2 * away) / 2:g} m and {round(math.degrees(turn), -1):g}° off"
-            )
-    if row.truth is None and wide > LOST_DEVIATION:
-        told.insert(0, f"localisation lost: its place is known to ± {wide:.1f} m only")
-    row.localised = len(told) == 1
-    row.reason = " · ".join(filter(None, told))
+            text = f"localisation lost: about {round(2 * away) / 2:g} m and {round(math.degrees(turn), -1):g}° off"
+            return [round(value, 2) for value in truth], text
+    wide = math.sqrt(max(0.0, *amcl.pose.covariance[[0, 7]])) if amcl else 0.0
+    return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def is_stopped(robot_id: int, sim: SimStatus | None, status: RobotStatus | None) -> bool:
-    """Whether the simulator holds a robot's body, or its process, of which this is the newest status, holds it."""
-    return (sim is not None and robot_id in sim.stopped) or (status is not None and status.is_stopped)
-
-
-def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
-    if status is None:
-        return GateRow(text="no monitor")
-    if status.state == TeamState.GO:
-        return GateRow("go", "GO is out")
+def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> dict[str, Any]:
+    """The start gate, and with `id` and `reason` the robots that GO waits for."""
+    if status is None or status.state == TeamState.GO:
+        state, text = ("waiting", "no monitor") if status is None else ("go", "GO is out")
+        return {"state": state, "text": text, "waiting_for": []}
     missing = status.missing.tolist()
     started = {i for i in missing if i in robots and robots[i].state != "undriven"}
-    reasons = {i: robots[i].reason if i in started else "no process yet" for i in missing}
-    ready = f"{status.ready.size} of {status.team_size} ready"
+    waiting = [{"id": i, "reason": robots[i].reason if i in started else "no process yet"} for i in missing]
     waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
-    return GateRow("waiting", f"{ready}; waiting for {waits}", [Waiting(i, reasons[i]) for i in missing])
+    text = f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"
+    return {"state": "waiting", "text": text, "waiting_for": waiting}
 
 
-def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
+def sim_row(status: SimStatus | None, models: Collection[str]) -> dict[str, Any]:
+    """The simulator."""
     if status is None:
-        return SimRow()
-    state = "finished" if status.finished else "paused" if status.paused else "running"
-    return SimRow(
-        present=True,
-        state=state,
-        speed=status.speed,
-        rtf=round(status.real_time_factor, 2),
-        lockstep=status.lockstep,
-        waits_for=short(status.waiting_for, 10_000),
-        models=sorted(models),
-        tick=status.tick,
-    )
+        return {"present": False, "state": "", "models": []}
+    return {
+        "present": True,
+        "state": "finished" if status.finished else "paused" if status.paused else "running",
+        "speed": status.speed,
+        "rtf": round(status.real_time_factor, 2),
+        "lockstep": status.lockstep,
+        "waits_for": short(status.waiting_for, 10_000),
+        "models": sorted(models),
+        "tick": status.tick,
+    }
 
 
 @cache
@@ -360,13 +295,13 @@ class Scene:
         if now - self._team[0] >= TEAM_PERIOD:
             team = self._make_team(now)
             document = msgspec.json.encode(team)
-            for row in team.robots:
+            for row in team["robots"]:
                 row.age = row.speed = None
-            team.sim.rtf, team.sim.tick, team.sim.waits_for = 0.0, 0, ""
+            team["sim"] |= {"rtf": 0.0, "tick": 0, "waits_for": ""}
             self._team = now, document, zlib.crc32(msgspec.json.encode(team))
         return self._team[1:]
 
-    def _make_team(self, now: float) -> TeamDocument:
+    def _make_team(self, now: float) -> dict[str, Any]:
         state, queries, bus = self._state, self._state.queries, self._state.node.bus.options
         sim, shapes, outlines, options = queries.sim, queries.shapes, Outlines(), bus.words if bus else {}
         processes = queries.processes()
@@ -374,39 +309,44 @@ class Scene:
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
-            status, spoke = queries.status_of(robot_id), queries.team.robot(robot_id).spoke
+            is_in_world = sim is not None and robot_id in sim.robots
             base = self._read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
+            amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
             rows[robot_id] = robot_row(
                 robot_id,
                 outlines,
-                present=speaks_now if sim is None else robot_id in sim.robots,
+                present=speaks_now if sim is None else is_in_world,
                 alive=alive,
-                status=status,
-                age=now - max(spoke, FREEZES.look()),
-                base=base[1] if base else None,
+                status=queries.status_of(robot_id),
+                age=now - max(queries.team.robot(robot_id).spoke, FREEZES.look()),
+                base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
+                sim=sim,
+                processes=processes.get(robot_id, ()),
+                amcl=amcl and amcl[1],
+                places=state.places.truth_of(robot_id) if is_in_world else None,
             )
-            amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
-            places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
-            rows[robot_id].stopped = is_stopped(robot_id, sim, status if alive else None)
             rows[robot_id].unheld = sim is None and speaks_now and not alive
-            add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
-        return TeamDocument(
-            robots=list(rows.values()),
-            outlines=[msgspec.Raw(outline) for outline in outlines],
-            gate=gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
-            sim=sim_row(sim, shapes.models if shapes else ()),
-            router=queries.team.link_up,
-            viewers=len(state.viewers),
-            behaviors=startable(),
-            launcher=queries.alive(names.LAUNCHER),
-            # By which a command that is typed finds the team.
-            options="".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
-            namespace=state.namespace,
-            loading=queries.loading,
-            lists=queries.lists,
-        )
+        return {
+            "robots": list(rows.values()),
+            # Polygons in metres, in `base_footprint`.
+            "outlines": [msgspec.Raw(outline) for outline in outlines],
+            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
+            "sim": sim_row(sim, shapes.models if shapes else ()),
+            "router": queries.team.link_up,
+            "viewers": len(state.viewers),
+            # Those that a robot can be started with, where there is a launcher, which starts robots (`up/start`).
+            "behaviors": startable(),
+            "launcher": queries.alive(names.LAUNCHER),
+            # By which a command that is typed finds the team, such as ` --connect tcp/10.0.0.2:7447`.
+            "options": "".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
+            "namespace": state.namespace,
+            # Whether a simulator or robots that are here may not have been heard yet.
+            "loading": queries.loading,
+            # By robot that drives through a list of goals: whether the list is paused.
+            "lists": queries.lists,
+        }
 
     def _newest_data(self) -> dict[int, float]:
         """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
