@@ -112,31 +112,24 @@ class Composer:
         again = TEAM_AGAIN * max(1.0, len(self._state.poses) / TEAM_SIZE)
         if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
             yield frames.encode_doc("team", team)
-        layers, docs, make = viewer.layers, viewer.look.docs, self._documents
+        layers, docs, make, robot_id = viewer.layers, viewer.look.docs, self._documents, viewer.inspected
         # What has not come yet is not sent as an empty list: the page tells the two apart.
-        if ("tf" in layers or "tf" in docs) and make.knows_frames:
-            yield from self._doc(viewer, "tf", make.transforms, now, FAST if "tf" in layers else SLOW)
-        if "topics" in docs and self._state.queries.topics is not None:
-            yield from self._doc(viewer, "topics", make.topics, now, SLOW)
-        if (robot_id := viewer.inspected) is not None:
-            yield from self._doc(viewer, "inspect", partial(make.inspect, robot_id), now, OFTEN)
-        if "doctor" in docs:
-            yield from self._doc(viewer, "doctor", lambda: self._state.diagnosis.document, now, FAST)
-        drawn = {
-            "goals": make.goals, "obstacles": make.obstacles, "markers": make.markers, "sonars": make.sonars,
-            "fiducials": make.fiducials,
-        }  # fmt: skip
-        for name in drawn.keys() & layers:
-            yield from self._doc(viewer, name, drawn[name], now, FAST)
+        has_frames, has_topics = make.knows_frames, self._state.queries.topics is not None
+        rows: list[tuple[str, bool, float, Callable[[], bytes]]] = [
+            ("tf", has_frames and ("tf" in layers or "tf" in docs), FAST if "tf" in layers else SLOW, make.transforms),
+            ("topics", has_topics and "topics" in docs, SLOW, make.topics),
+            ("inspect", robot_id is not None, OFTEN, partial(make.inspect, robot_id or 0)),
+            ("doctor", "doctor" in docs, FAST, lambda: self._state.diagnosis.document),
+            *((name, name in layers, FAST, drawn) for name, drawn in make.drawn.items()),
+        ]
+        for name, is_shown, period, document_of in rows:
+            # Of those that were not looked at within their period, those that have changed.
+            if is_shown and viewer.lacks((name, "looked at"), int(now / period)):
+                document = document_of()
+                if viewer.lacks((name, "sent"), zlib.crc32(document)):
+                    yield frames.encode_doc(name, document)
         if "log" in docs:
             yield from self._log(viewer)
-
-    def _doc(self, viewer: Viewer, name: str, make: Callable[[], bytes], now: float, period: float) -> Iterator[bytes]:
-        """A document that has changed, unless it was looked at within `period`."""
-        if viewer.lacks((name, "looked at"), int(now / period)):
-            document = make()
-            if viewer.lacks((name, "sent"), zlib.crc32(document)):
-                yield frames.encode_doc(name, document)
 
     def _log(self, viewer: Viewer) -> Iterator[bytes]:
         viewer.log_number, lines = self._documents.log(viewer.log_number)

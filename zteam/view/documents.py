@@ -3,12 +3,13 @@
 import itertools
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
 
 from zteam import names
+from zteam.bus.graph import rate_of
 from zteam.clock import NS_PER_S, monotonic, to_seconds
 from zteam.errors import DecodeError, printable
 from zteam.geometry import Pose2, yaw_from_quaternion
@@ -172,6 +173,11 @@ class Documents:
         self._log = LogTail()
         self._goals = Goals(state.received, state.queries.alive, lambda frame: state.places.pose_of(frame))
         self._kept_log: Sequence[LogLine] | None = None
+        self.drawn: Mapping[str, Callable[[], bytes]] = {
+            "goals": self.goals, "obstacles": self.obstacles, "markers": self.markers, "sonars": self.sonars,
+            "fiducials": self.fiducials,
+        }  # fmt: skip
+        """Those of layers of the map."""
 
     def transforms(self) -> bytes:
         """`tf`: every frame in its parent."""
@@ -204,10 +210,10 @@ class Documents:
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
         """`log`: the number of the last line, and the lines after `number`."""
         topic, now = names.log_key(), monotonic()
-        events = self._state.received.since(topic, self._read.get(topic, 0))
-        if events:
-            self._read[topic] = events[-1].number
-            self._log.take(list(_lines(events)), now)
+        for event in self._since(topic):
+            process, message = names.process_of(event.key, names.LOG), event.read(Log)
+            if process is not None and message is not None:
+                self._log.take([line_of(process, message)], now)
         kept = self._state.queries.kept_log
         if kept is not self._kept_log:
             self._kept_log = kept
@@ -247,7 +253,8 @@ class Documents:
                 by_key[event.key].append(event.time)
             for key, times in sorted(by_key.items()):
                 if (kind := type_of_key(key)) is topic.kind and kind is not None:
-                    hz, age = rate_of(times, now), now - times[-1]
+                    recent, age = [time for time in times if now - time <= RATE_SPAN], now - times[-1]
+                    hz = rate_of(recent, RATE_SPAN)
                     yield {"topic": key, "type": kind.ros_type, "hz": round(hz, 1), "age": round(age, 1)}
 
     def markers(self) -> bytes:
@@ -284,33 +291,22 @@ class Documents:
         keys = self._state.drawables.keys("markers")
         self._board.keep(keys)
         for key in keys:
-            for event in self._state.received.since(key, self._read.get(key, 0)):
-                self._read[key] = event.number
+            for event in self._since(key):
                 if (array := event.read(MarkerArray)) is not None:
                     self._board.take(key, array.markers, event.time)
                 elif (marker := event.read(Marker)) is not None:
                     self._board.take(key, [marker], event.time)
 
+    def _since(self, topic: str) -> Iterator[Arrival]:
+        """The kept messages of a topic that were not read before."""
+        for event in self._state.received.since(topic, self._read.get(topic, 0)):
+            self._read[topic] = event.number
+            yield event
+
     def echo(self, arrival: Arrival) -> bytes:
         """`echo`: a message of a topic."""
         stamp = to_seconds(self._state.places.stamp)
         return msgspec.json.encode({"topic": arrival.key, "stamp": stamp, "json": _shown(arrival)})
-
-
-def rate_of(times: Sequence[float], now: float) -> float:
-    """Messages a second, of those that came at these times: within `RATE_SPAN` before `now`, or since the first."""
-    recent = [time for time in times if now - time <= RATE_SPAN]
-    span = min(RATE_SPAN, now - times[0])
-    # The first one of all only begins the span.
-    count = len(recent) - (len(recent) == len(times))
-    return count / span if span > 0.0 else 0.0
-
-
-def _lines(events: list[Arrival]) -> Iterator[LogLine]:
-    for event in events:
-        process, message = names.process_of(event.key, names.LOG), event.read(Log)
-        if process is not None and message is not None:
-            yield line_of(process, message)
 
 
 def _shown(arrival: Arrival) -> Any:

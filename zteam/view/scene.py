@@ -277,17 +277,14 @@ class Scene:
         base, seen = state.places.base_at(robot_id, stamp), state.places.level(robot_id, scan)
         if base is None and late:
             base = state.places.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        if base is not None and seen.scan is not None:
+        if base is None:
+            return None
+        if seen.scan is not None:
             sensor = shown(base.compose(Pose2(*seen.laser, 0.0)))
             return None if sensor is None else (seen.scan, sensor)
-        if not state.places.from_truth:
-            return None
         # Without transforms: where the simulator says that the laser sits.
-        base = state.places.truth_at(robot_id, stamp) or (state.poses.get(robot_id) if late else None)
-        shape = None if state.queries.shapes is None else state.queries.shapes.robots.get(robot_id)
-        if base is None or shape is None or index >= len(shape.lasers):
-            return None
-        return scan, base.compose(Pose2(*shape.lasers[index]))
+        shape = state.queries.shapes.robots.get(robot_id) if state.places.from_truth and state.queries.shapes else None
+        return (scan, base.compose(Pose2(*shape.lasers[index]))) if shape and index < len(shape.lasers) else None
 
     def team(self) -> tuple[bytes, int]:
         """The document `team` and its version, which does not change with ages and speeds alone."""

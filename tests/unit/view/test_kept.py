@@ -5,13 +5,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import pytest
 
 from support.transforms import stamped
 from zteam.messages import LaserScan, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of
 from zteam.node.logs import LogLine
 from zteam.view.composing import MOST, samples_since
-from zteam.view.documents import RATE_SPAN, Documents, LogTail, rate_of
+from zteam.view.documents import Documents, LogTail
 from zteam.view.received import KEPT, KEPT_BYTES, Received
 from zteam.view.team_view import Places
 
@@ -141,13 +140,6 @@ def test_the_distance_to_an_obstacle_is_the_least_range_that_is_one() -> None:
     _, pairs = samples_since(received, "s", "min(ranges)", 0, 0.0)
     assert pairs[:, 1].tolist() == [1.5]
     assert samples_since(received, "s", "min(header)", 0, 0.0)[1].size == 0
-
-
-def test_a_rate_is_that_of_the_newest_messages() -> None:
-    """Before its span is over it is counted since the first message; without messages within it, it is zero."""
-    assert rate_of([10.0, 10.1, 10.2], now=10.2) == pytest.approx(10.0)
-    assert rate_of([0.1 * i for i in range(1000)], now=99.95) == pytest.approx(10.0, abs=0.5)
-    assert rate_of([1.0, 2.0], now=2.5 + RATE_SPAN) == 0.0
 
 
 def test_log_lines_come_in_order_of_time_and_once() -> None:
