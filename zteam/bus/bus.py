@@ -26,7 +26,6 @@ from zteam.bus.transport import (
     Transport,
     check_use,
 )
-from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
@@ -41,18 +40,15 @@ log = logging.getLogger("zteam.bus")
 
 MOST_SESSIONS = 16
 """Sessions that are asked: a sender can invent them."""
-_RIVALS_PAUSE = 60.0
-"""Host seconds between two lines about others that publish on a key."""
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
 
 
 class SessionRequest(msgspec.Struct):
-    """Asks a session which process it is, and tells it of others that publish on a key."""
+    """Asks a session which process it is, and whether it publishes on a key."""
 
     key: _Text = ""
-    rivals: Annotated[list[_Text], msgspec.Meta(max_length=MOST_SESSIONS)] = []
 
 
 class SessionInfo(msgspec.Struct):
@@ -170,7 +166,6 @@ class Bus:
         self._declared: dict[object, Declaration] = {}
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rivals_logged: dict[str, float] = {}
         """By key: host time of the last line about others that publish on it."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
@@ -347,12 +342,6 @@ class Bus:
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
-        if publishes and request.rivals:
-            now = monotonic()
-            # Any program may ask.
-            if now - self._rivals_logged.get(request.key, -_RIVALS_PAUSE) >= _RIVALS_PAUSE:
-                self._rivals_logged[request.key] = now
-                log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
         return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:

@@ -153,10 +153,8 @@ class Gate:
         if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
             del self.members[robot_id]
 
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
-        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if status.robot_id != robot_id:
-            return False
+    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> None:
+        """A robot's status, heard at host time `now`."""
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now
         if before is None or before.header.stamp != status.header.stamp:
@@ -175,7 +173,6 @@ class Gate:
             self.tell("ready", robot_id, f"ready ({done}; waiting for {awaited})" if awaited else f"ready ({done})")
         elif not member.ready:
             member.was_ready = False
-        return True
 
     def forgive_silence(self, now: float) -> None:
         """Nothing could be heard until `now`: silence counts from here on."""

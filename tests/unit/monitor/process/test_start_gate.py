@@ -154,16 +154,6 @@ def test_what_is_told(case: str) -> None:
     assert told(gate) == lines
 
 
-def test_no_robot_speaks_for_another() -> None:
-    """A status under another robot's key is refused and changes nothing."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0)
-    gate.take_token(1, True)
-    for robot_id in (0, -1, 2**31 - 1):
-        assert not gate.take_status(1, status(robot_id), 0.0)
-    assert (gate.ready, gate.missing) == ([0], [1])
-
-
 def ids_of(team: TeamStatus) -> list[list[int]]:
     """Its ready, missing and lost robots."""
     assert all(ids.dtype == np.int32 for ids in (team.ready, team.missing, team.lost))
