@@ -54,6 +54,8 @@ class Gate:
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
+        self.followed: TeamStatus | None = None
+        """What the running monitor said last, where this one only shows its team."""
         if expected is not None:
             self.expect(expected)
 
@@ -222,6 +224,22 @@ class Gate:
             member.told_go = member.ready
         self.tell("go", None, "All robots GO!")
         return True
+
+    def follow(self, status: TeamStatus) -> None:
+        """Take over what the running monitor says: it decides which robots GO waits for, and when it is out."""
+        before, self.followed, self._adopted = self.followed, status, True
+        self.gone, self.epoch, self.team_size = status.state == TeamState.GO, status.epoch, status.team_size
+        ids = sorted({*status.ready.tolist(), *status.missing.tolist()})
+        self.expected = ids if self.gone or status.missing.size else None
+        for member in map(self.get, ids):
+            member.told_go = self.gone
+        ready = f"{status.ready.size} of {status.team_size} ready"
+        if not self.gone:
+            self.tell("status", None, f"{ready}; waiting for {status.waiting_for or self.waiting_for()}")
+        elif before is not None and before.state != TeamState.GO:
+            self.tell("go", None, "All robots GO!")
+        else:
+            self.tell("status", None, f"GO is out; {ready}")
 
     def _next_epoch(self) -> None:
         self.epoch = min(self.epoch + 1, _LAST_EPOCH)
