@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import msgspec
 
@@ -52,16 +51,6 @@ class Row(msgspec.Struct):
     """How often its process was started again."""
     is_stopped: bool = False
     """Whether `zteam stop` holds it."""
-
-
-class TableLine(NamedTuple):
-    """One line of the table."""
-
-    text: str
-    state: str = ""
-    """The state in it, which a terminal shows in a colour; empty in other lines."""
-    column: int = 0
-    """Where the state begins."""
 
 
 def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float) -> list[Row]:
@@ -114,19 +103,19 @@ def _behavior(behavior: str, leader: int, driver: str) -> str:
     return text if driver in (RobotDriver.BEHAVIOR, RobotDriver.NONE, "") else f"{driver} ({text})"
 
 
-def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[TableLine]:
-    """The table in lines of at most `width` characters; `notes` stand below it."""
+def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[tuple[str, str]]:
+    """The table in lines of at most `width` characters, each with the state in it; `notes` stand below it."""
     cells = [_HEAD, *(_cells(row) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     form = (" " * _GAP).join(f"{{:{'<' if column < _LEFT else '>'}{size}}}" for column, size in enumerate(widths))
     head, *texts = (form.format(*line).rstrip() for line in cells)
-    lines, column = [TableLine(head)], widths[0] + _GAP
+    lines = [(head, "")]
     for row, text in zip(rows, texts, strict=True):
         whole = f"{text}{' ' * _GAP}{row.reason}" if row.reason else text
         fits = len(whole) <= width
-        lines.append(TableLine(whole if fits else text, row.state, column))
-        lines += [TableLine(part) for part in _wrap("" if fits else row.reason, width, " " * column)]
-    return lines + [TableLine(part) for note in notes for part in _wrap(short(note, 10_000), width, "")]
+        lines.append((whole if fits else text, row.state))
+        lines += [(part, "") for part in _wrap("" if fits else row.reason, width, " " * (widths[0] + _GAP))]
+    return lines + [(part, "") for note in notes for part in _wrap(short(note, 10_000), width, "")]
 
 
 def _cells(row: Row) -> tuple[str, ...]:
@@ -162,7 +151,7 @@ class Lines:
         self._write(printable(event.sentence))
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
-        self._write("\n".join(line.text for line in format_table(rows, notes, _PIPE_WIDTH)))
+        self._write("\n".join(text for text, _ in format_table(rows, notes, _PIPE_WIDTH)))
 
 
 class JsonLines(Lines):
@@ -198,8 +187,8 @@ class LiveTable(Lines):
         def paint(number: int, text: str) -> str:
             if not number:
                 return painted(text, 1)
-            _, state, begin = lines[number]
-            end = begin + len(state)
-            return f"{text[:begin]}{painted(text[begin:end], _COLORS.get(state, 0))}{text[end:]}" if state else text
+            _, state = lines[number]
+            begin, shown, end = text.partition(state) if state else (text, "", "")
+            return f"{begin}{painted(shown, _COLORS.get(state, 0)) if shown else ''}{end}"
 
-        self._live.show("\n".join(line.text for line in lines), paint)
+        self._live.show("\n".join(text for text, _ in lines), paint)

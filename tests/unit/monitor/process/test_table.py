@@ -55,7 +55,7 @@ def reasons(gate: Gate, now: float = 10.0) -> list[str]:
 
 def lines_of(rows: list[Row], notes: tuple[str, ...] = (), width: int = 80) -> list[str]:
     """The table's lines."""
-    return [line.text for line in format_table(rows, notes, width)]
+    return [text for text, _ in format_table(rows, notes, width)]
 
 
 def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:
