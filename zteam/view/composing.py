@@ -73,7 +73,7 @@ class Composer:
     def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
         """Tiles that the page lacks, of so many bytes together, and at least one."""
         found: list[bytes] = []
-        costmaps = self._state.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
+        costmaps = self._state.drawables.of("costmaps") if "costmaps" in viewer.look.layers else []
         if "costs" in viewer.look.layers:
             costmaps += [names.robot_key(i, names.GLOBAL_COSTMAP) for i in viewer.look.selected]
         keys = list(dict.fromkeys((names.MAP, *costmaps)))
@@ -99,7 +99,7 @@ class Composer:
             ("plans", Path, frames.encode_path), ("particles", PoseArray, frames.encode_pose_array),
         )  # fmt: skip
         for layer, kind, encode in kinds:
-            for key in drawables.keys(layer) if layer in viewer.look.layers else ():
+            for key in drawables.of(layer) if layer in viewer.look.layers else ():
                 found = read(key, kind)
                 frame = pose_of(found[1].header.frame_id) if found else None
                 if found and frame is not None and viewer.lacks(key, found[0].number):

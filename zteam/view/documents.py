@@ -288,7 +288,7 @@ class Documents:
                 yield robot_id, message, frame
 
     def _take_markers(self) -> None:
-        keys = self._state.drawables.keys("markers")
+        keys = self._state.drawables.of("markers")
         self._board.keep(keys)
         for key in keys:
             for event in self._since(key):

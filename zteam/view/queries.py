@@ -30,17 +30,6 @@ from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
 
-
-class TopicRow(msgspec.Struct):
-    """One key."""
-
-    key: str
-    type: str = ""
-    hz: float | None = None
-    publishers: int = 0
-    subscribers: int = 0
-
-
 Counts = Mapping[str, Mapping[str, int]]
 """How many messages of each key each process has received, by process, then by key."""
 
@@ -54,17 +43,19 @@ def rates(before: Counts, after: Counts, seconds: float) -> dict[str, float]:
     return found
 
 
-def topic_rows(declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
+def topic_rows(
+    declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]
+) -> list[dict[str, Any]]:
     """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
     graph = Graph(declarations)
     return [
-        TopicRow(
-            key,
-            ros_type_of(key),
-            round(hz[key], 1) if key in hz else None,
-            publishers=len(graph.sessions(key, publishes=True)),
-            subscribers=len(graph.sessions(key, publishes=False)),
-        )
+        {
+            "key": key,
+            "type": ros_type_of(key),
+            "hz": round(hz[key], 1) if key in hz else None,
+            "publishers": len(graph.sessions(key, publishes=True)),
+            "subscribers": len(graph.sessions(key, publishes=False)),
+        }
         for key in graph.known_keys(robots)
     ]
 
@@ -94,7 +85,7 @@ class TeamQueries:
         self._shapes_of: Any = None
         self.declarations: list[Declaration] = []
         """Of the other sessions."""
-        self.topics: list[TopicRow] | None = None
+        self.topics: list[dict[str, Any]] | None = None
         """None before the first look."""
         self._counts: Counts = {}
         self._counted = 0.0
@@ -218,17 +209,10 @@ _MOST = 500
 """Findings that a page gets: a hostile team may cause any number."""
 
 
-class Examination(msgspec.Struct):
-    """The document `doctor`."""
-
-    running: bool = False
-    """Whether it is being made anew."""
-    time: float = 0.0
-    """When it was made, seconds since the Unix epoch; 0: not yet."""
-    findings: Sequence[Finding] = ()
-    """As `zteam doctor --json` prints them."""
-    error: str = ""
-    """Why there are none."""
+def _examination(findings: Sequence[Finding] = (), error: str = "", time: float = 0.0) -> dict[str, Any]:
+    """The document `doctor`: when it was made, in seconds since the Unix epoch, the findings as `zteam doctor --json`
+    prints them, or why there are none."""
+    return {"time": time, "findings": findings, "error": error}
 
 
 class Diagnosis:
@@ -239,14 +223,14 @@ class Diagnosis:
         """`options` is how to reach the team; None for a bus in memory, which no other session can join."""
         self._options, self._on_news = options, on_news
         self._lock = threading.Lock()
-        self._wanted = False
-        self._found = Examination()
+        self._wanted = self._runs = False
         self._begun = float("-inf")
         """Host time of the newest run."""
+        self._found = _examination()
 
     @property
     def document(self) -> bytes:
-        return msgspec.json.encode(self._found)
+        return msgspec.json.encode({**self._found, "running": self._runs})
 
     def want(self, wanted: bool) -> None:
         """Whether some page shows it: it is made when the first one begins to, unless it is fresh."""
@@ -257,24 +241,20 @@ class Diagnosis:
     def start(self) -> None:
         """Make it anew, unless that goes on already."""
         with self._lock:
-            if self._found.running:
-                return
             if self._options is None:
-                self._found = Examination(error="the team is in one process, which no other one can look at")
-                return
-            self._begun = monotonic()
-            self._found = msgspec.structs.replace(self._found, running=True)
-            threading.Thread(target=self._run, args=(self._options,), name="doctor", daemon=True).start()
+                self._found = _examination(error="the team is in one process, which no other one can look at")
+            elif not self._runs:
+                self._runs, self._begun = True, monotonic()
+                threading.Thread(target=self._run, args=(self._options,), name="doctor", daemon=True).start()
 
     def _run(self, options: BusOptions) -> None:
-        found = Examination()
         try:
-            found.findings, found.time = examine(options)[:_MOST], wall_ns() / 1e9
+            self._found = _examination(examine(options)[:_MOST], time=wall_ns() / 1e9)
         except ZteamError as error:
-            found.error = f"{error}: try 'zteam doctor' in a terminal"
+            self._found = _examination(error=f"{error}: try 'zteam doctor' in a terminal")
         except Exception as error:
             # What it judges comes from a team, which may be hostile: the view goes on.
             log.exception("doctor")
-            found.error = f"the examination failed: {error!r:.1000}"
-        self._found = found
+            self._found = _examination(error=f"the examination failed: {error!r:.1000}")
+        self._runs = False
         self._on_news()

@@ -218,34 +218,26 @@ LAYERS: Mapping[str, tuple[type[Message], ...]] = {
 MAX_KEYS = 1024
 
 
-class Drawables:
-    """The keys that other processes publish, and their types as far as known."""
+class Drawables(dict[str, type[Message] | None]):
+    """The keys that other processes publish, sorted, with their types; None until a first message has told."""
 
-    def __init__(self, received: Received) -> None:
-        self._received = received
-        self._kinds: dict[str, type[Message] | None] = {}
-        """None: not known yet, a first message will tell. `Message`: nothing that is drawn."""
+    def __init__(self, published: Iterable[str], received: Received) -> None:
+        """`received` has the first messages."""
+        keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP and key[0] != "@"}
+        for key in sorted(keys)[:MAX_KEYS]:
+            self[key] = type_of_key(key)
+            if self[key] is None and (arrival := received.get(key)) is not None:
+                self[key] = type_of_encoding(arrival.encoding) or Message
 
-    def take_keys(self, published: Iterable[str]) -> None:
-        keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP}
-        # Replaced as a whole: other threads read it meanwhile.
-        kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
-        for key in sorted(keys - kinds.keys())[: MAX_KEYS - len(kinds)]:
-            kinds[key] = Message if key.startswith("@") else type_of_key(key)
-        for key in [key for key, kind in kinds.items() if kind is None]:
-            if (arrival := self._received.get(key)) is not None:
-                kinds[key] = type_of_encoding(arrival.encoding) or Message
-        self._kinds = kinds
-
-    def keys(self, layer: str) -> list[str]:
-        return sorted(key for key, kind in self._kinds.items() if kind in LAYERS[layer])
+    def of(self, layer: str) -> list[str]:
+        return [key for key, kind in self.items() if kind in LAYERS[layer]]
 
     def topics(self, layers: Collection[str]) -> set[Topic]:
         """What to subscribe to for these layers; a key of unknown type until its first message."""
         chosen = [kind for layer in layers for kind in LAYERS.get(layer, ())]
         return {
             Topic(key, latched=True, every=kind in (Marker, MarkerArray))
-            for key, kind in self._kinds.items()
+            for key, kind in self.items()
             if chosen and (kind is None or kind in chosen)
         }
 

@@ -177,7 +177,7 @@ class TeamView:
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
         self.received = Received(lambda: self.on_news())
-        self.drawables = Drawables(self.received)
+        self.drawables = Drawables((), self.received)
         self.places = Places(self.received)
         self.queries = TeamQueries(node, self.received, lambda: self.on_news())
         self.diagnosis = Diagnosis(node.bus.options, lambda: self.on_news())
@@ -253,7 +253,7 @@ class TeamView:
     def _match(self) -> None:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
-        self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
+        self.drawables = Drawables((each.key for each in self.queries.declarations if each.publishes), self.received)
         sim, aggregator = self.queries.sim, self.queries.alive(names.AGGREGATOR)
         self.places.compared = self._localised() if sim is not None else ()
         wanted = topics_of(

@@ -14,9 +14,9 @@ from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
 
 
-def make_drawables() -> Drawables:
-    """No key is known, and no message has come."""
-    return Drawables(Received(lambda: None))
+def make_drawables(*keys: str) -> Drawables:
+    """These keys are published, and no message has come."""
+    return Drawables(keys, Received(lambda: None))
 
 
 def viewer(look: Look) -> Viewer:
@@ -92,10 +92,9 @@ def test_of_a_crowd_only_the_nearest_are_scanned() -> None:
 
 def test_a_key_whose_type_is_known_is_drawn_before_a_message_comes() -> None:
     """What zteam's own navigation publishes belongs to its layer; other keys of zteam to none."""
-    drawables = make_drawables()
-    drawables.take_keys(["robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map"])
-    assert drawables.keys("plans") == ["robot_0/plan"]
-    assert drawables.keys("costmaps") == ["robot_0/local_costmap/costmap"]
+    drawables = make_drawables("robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map")
+    assert drawables.of("plans") == ["robot_0/plan"]
+    assert drawables.of("costmaps") == ["robot_0/local_costmap/costmap"]
     assert [topic.key for topic in drawables.topics(["particles"])] == ["own/path"]
 
 
