@@ -13,9 +13,8 @@ from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.monitor.process.display import TeamDisplay, showing
+from zteam.monitor.process.display import Lines, TeamDisplay, showing
 from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import Lines
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.lockstep import Ticks
 from zteam.node.process_node import ProcessNode

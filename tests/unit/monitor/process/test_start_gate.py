@@ -8,8 +8,7 @@ import pytest
 
 from support.gate_feed import BOOT, FAULT, READY, RUNNING, STOPPED, come, status, told
 from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
-from zteam.monitor.process.members import SILENT_AFTER, Event, EventLimit
-from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.start_gate import SILENT_AFTER, Event, EventLimit, Gate
 
 Step = Callable[[Gate], object]
 

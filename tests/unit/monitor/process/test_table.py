@@ -18,10 +18,8 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import display
-from zteam.monitor.process.display import Poses
-from zteam.monitor.process.members import SILENT_AFTER, Event
-from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import JsonLines, Lines, LiveTable, Row, format_table, make_rows, team_notes
+from zteam.monitor.process.display import JsonLines, Lines, LiveTable, Poses, Row, format_table, make_rows, team_notes
+from zteam.monitor.process.start_gate import SILENT_AFTER, Event, Gate
 from zteam.node.launcher import Restarted
 from zteam.node.live_line import LiveLine
 from zteam.node.process_node import ProcessNode
