@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.bus.graph import rate_of
 from zteam.clock import NS_PER_S, monotonic, to_seconds
-from zteam.errors import DecodeError, printable
+from zteam.errors import DecodeError, printable, short
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Fiducials,
@@ -20,7 +20,10 @@ from zteam.messages import (
     MarkerAction,
     MarkerArray,
     MarkerType,
+    NavigationState,
+    NavigationStatus,
     PolygonStamped,
+    PoseStamped,
     Range,
     TransformStamped,
     decode,
@@ -31,7 +34,7 @@ from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
 from zteam.node.log_client import HOLD, LogOrder, level_name, line_of
 from zteam.node.logs import LogLine
-from zteam.view.goals import Goals
+from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
 from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView
 
@@ -153,6 +156,62 @@ def _rounded(value: Any) -> Any:
     return value
 
 
+SENT = "sent"
+"""Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""
+
+
+class GoalRow(msgspec.Struct):
+    """The newest goal of a robot, in `map`, from its sending to its end."""
+
+    robot: int
+    x: float
+    y: float
+    yaw: float
+    stamp: int
+    """Nanoseconds at which it was sent."""
+    state: str
+    distance: float | None = None
+    """Metres that are left."""
+    seconds: float | None = None
+    """What they take."""
+    recoveries: int = 0
+    text: str = ""
+    """Why the robot does not get on, or why it has given up."""
+
+
+def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
+    """The newest goal of a robot and the status about it, of the goal that was sent last and of what the robot told
+    last; None if it has none."""
+    goal, status = sent and sent.read(PoseStamped), told and told.read(NavigationStatus)
+    if status is None or told is None:
+        return None if goal is None else (goal, None)
+    if goal is not None and sent is not None and not is_same_goal(goal, status.goal):
+        # The robot may still speak of the goal before.
+        ahead = ns_from_time(status.header.stamp) - ns_from_time(goal.header.stamp)
+        if told.number < sent.number or -SETTLED < ahead < SETTLED:
+            return goal, None
+    return None if status.state == NavigationState.IDLE else (status.goal, status)
+
+
+def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> GoalRow:
+    """A goal, whose frame's pose in `map` is `frame`."""
+    row = GoalRow(robot_id, *frame.compose(pose2_of(goal.pose)), ns_from_time(goal.header.stamp), SENT)
+    if status is None:
+        return row
+    row.state = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
+    row.recoveries, row.text = status.recoveries, short(status.text)
+    if status.state in ON_THE_WAY:
+        left = status.estimated_time_remaining
+        row.distance = round(status.distance_remaining, 1) or None
+        # In whole seconds: a document that says more would change with every status.
+        row.seconds = round(left.sec + left.nanosec / 1e9) or None
+    return row
+
+
+def _is_behavior(robot_id: int, status: NavigationStatus) -> bool:
+    return status.header.frame_id == names.robot_name(robot_id)
+
+
 S = TypeVar("S", Range, Fiducials)
 
 MAX_CHAIN = 16
@@ -171,7 +230,10 @@ class Documents:
         self._read: dict[str, int] = {}
         self._board = MarkerBoard()
         self._log = LogTail()
-        self._goals = Goals(state.received, state.queries.alive, lambda frame: state.places.pose_of(frame))
+        self._told: dict[int, Arrival] = {}
+        """By robot: the newest status of what takes its goals."""
+        self._gone: dict[int, float] = {}
+        """By robot: since when the process that drives to a goal is gone."""
         self._kept_log: Sequence[LogLine] | None = None
         self.drawn: Mapping[str, Callable[[], bytes]] = {
             "goals": self.goals, "obstacles": self.obstacles, "markers": self.markers, "sonars": self.sonars,
@@ -222,10 +284,34 @@ class Documents:
 
     def goals(self) -> bytes:
         """`goals`: the newest goal of each robot, in `map`, and what has become of it."""
-        sim = self._state.queries.sim
-        robots = self._state.robots() if sim is None else set(sim.robots)
-        rows = self._goals.rows(robots, monotonic())
-        return as_document([msgspec.structs.asdict(row) for row in rows if math.isfinite(row.x + row.y + row.yaw)])
+        sim, rows = self._state.queries.sim, []
+        for robot_id in sorted(self._state.robots() if sim is None else sim.robots):
+            sent = self._state.received.read(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
+            found = newest_goal(sent and sent[0], self._newest_told(robot_id))
+            frame = found and self._state.places.pose_of(found[0].header.frame_id or names.MAP_FRAME)
+            if found and frame:
+                row, status = goal_row(robot_id, *found, frame), found[1]
+                if status is not None and status.state in ON_THE_WAY:
+                    self._end_with_process(row, status, monotonic())
+                if math.isfinite(row.x + row.y + row.yaw):
+                    rows.append(msgspec.structs.asdict(row))
+        return as_document(rows)
+
+    def _newest_told(self, robot_id: int) -> Arrival | None:
+        found = self._state.received.read(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus)
+        if found is None:
+            self._told.pop(robot_id, None)
+        elif not (_is_behavior(robot_id, found[1]) and self._state.queries.alive(names.navigation_name(robot_id))):
+            # The header's frame tells a behaviour from navigation, which wins over it.
+            self._told[robot_id] = found[0]
+        return self._told.get(robot_id)
+
+    def _end_with_process(self, row: GoalRow, status: NavigationStatus, now: float) -> None:
+        name = (names.robot_name if _is_behavior(row.robot, status) else names.navigation_name)(row.robot)
+        if self._state.queries.alive(name):
+            self._gone.pop(row.robot, None)
+        elif now - self._gone.setdefault(row.robot, now) > GONE:
+            row.state, row.text = "aborted", f"the process {name} is gone"
 
     def obstacles(self) -> bytes:
         """`obstacles`: those of the world that can be pushed, where they are now. The others are in the map."""
