@@ -160,25 +160,6 @@ SENT = "sent"
 """Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""
 
 
-class GoalRow(msgspec.Struct):
-    """The newest goal of a robot, in `map`, from its sending to its end."""
-
-    robot: int
-    x: float
-    y: float
-    yaw: float
-    stamp: int
-    """Nanoseconds at which it was sent."""
-    state: str
-    distance: float | None = None
-    """Metres that are left."""
-    seconds: float | None = None
-    """What they take."""
-    recoveries: int = 0
-    text: str = ""
-    """Why the robot does not get on, or why it has given up."""
-
-
 def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
     """The newest goal of a robot and the status about it, of the goal that was sent last and of what the robot told
     last; None if it has none."""
@@ -193,18 +174,21 @@ def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped
     return None if status.state == NavigationState.IDLE else (status.goal, status)
 
 
-def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> GoalRow:
-    """A goal, whose frame's pose in `map` is `frame`."""
-    row = GoalRow(robot_id, *frame.compose(pose2_of(goal.pose)), ns_from_time(goal.header.stamp), SENT)
-    if status is None:
-        return row
-    row.state = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
-    row.recoveries, row.text = status.recoveries, short(status.text)
-    if status.state in ON_THE_WAY:
+def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> dict[str, Any]:
+    """A goal, whose frame's pose in `map` is `frame`: when it was sent (ns), metres and seconds that are left, and why
+    its robot does not get on, or has given up."""
+    row = {
+        "robot": robot_id, **frame.compose(pose2_of(goal.pose))._asdict(), "stamp": ns_from_time(goal.header.stamp),
+        "state": SENT, "distance": None, "seconds": None, "recoveries": 0, "text": "",
+    }  # fmt: skip
+    if status is not None:
+        row["state"] = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
+        row["recoveries"], row["text"] = status.recoveries, short(status.text)
+    if status is not None and status.state in ON_THE_WAY:
         left = status.estimated_time_remaining
-        row.distance = round(status.distance_remaining, 1) or None
+        row["distance"] = round(status.distance_remaining, 1) or None
         # In whole seconds: a document that says more would change with every status.
-        row.seconds = round(left.sec + left.nanosec / 1e9) or None
+        row["seconds"] = round(left.sec + left.nanosec / 1e9) or None
     return row
 
 
@@ -293,8 +277,8 @@ class Documents:
                 row, status = goal_row(robot_id, *found, frame), found[1]
                 if status is not None and status.state in ON_THE_WAY:
                     self._end_with_process(row, status, monotonic())
-                if math.isfinite(row.x + row.y + row.yaw):
-                    rows.append(msgspec.structs.asdict(row))
+                if math.isfinite(row["x"] + row["y"] + row["yaw"]):
+                    rows.append(row)
         return as_document(rows)
 
     def _newest_told(self, robot_id: int) -> Arrival | None:
@@ -306,12 +290,13 @@ class Documents:
             self._told[robot_id] = found[0]
         return self._told.get(robot_id)
 
-    def _end_with_process(self, row: GoalRow, status: NavigationStatus, now: float) -> None:
-        name = (names.robot_name if _is_behavior(row.robot, status) else names.navigation_name)(row.robot)
+    def _end_with_process(self, row: dict[str, Any], status: NavigationStatus, now: float) -> None:
+        robot_id = row["robot"]
+        name = (names.robot_name if _is_behavior(robot_id, status) else names.navigation_name)(robot_id)
         if self._state.queries.alive(name):
-            self._gone.pop(row.robot, None)
-        elif now - self._gone.setdefault(row.robot, now) > GONE:
-            row.state, row.text = "aborted", f"the process {name} is gone"
+            self._gone.pop(robot_id, None)
+        elif now - self._gone.setdefault(robot_id, now) > GONE:
+            row["state"], row["text"] = "aborted", f"the process {name} is gone"
 
     def obstacles(self) -> bytes:
         """`obstacles`: those of the world that can be pushed, where they are now. The others are in the map."""

@@ -47,12 +47,8 @@ def check_gate(facts: Facts) -> Iterator[Finding]:
         return
     if team.state == TeamState.WAITING:
         missing = team.missing.tolist()
-        # What a robot that has a process says of itself is told below.
-        named = ", ".join(map(names.robot_name, missing))
-        waiting = (RobotState.BOOT, RobotState.FAULT)
-        told = {i for i, status in facts.statuses.items() if status.state in waiting and i in facts.robots}
-        awaited = named if told.issuperset(missing) and missing else team.waiting_for or named
-        awaited = awaited or f"{team.team_size - len(team.ready)} more of any id"
+        # Why each of them is not ready is told below.
+        awaited = ", ".join(map(names.robot_name, missing)) or f"{team.team_size - len(team.ready)} more of any id"
         text = f"the start gate waits for {awaited} ({len(team.ready)} of {team.team_size} ready)"
         yield problem("gate", text, _gate_step(facts, missing))
     lost = [i for i in team.lost.tolist() if i not in facts.robots and not facts.lacks(i)]

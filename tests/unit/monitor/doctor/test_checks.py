@@ -274,10 +274,6 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(team=team_status(ready=[0, 1], missing=[], size=3), sim=None),
         "problem gate: the start gate waits for 1 more of any id (2 … -> start further robots: zteam-robot --id N",
     ),
-    "in the monitor's words": (
-        team_facts(team=msgspec.structs.replace(team_status(ready=[0], missing=[1]), waiting_for="robot_1 (boot)")),
-        "problem gate: the start gate waits for robot_1 (boot) (1 of 2 ready) -> see what these robots wait for",
-    ),
     "for a robot that boots": (
         with_second(
             boots(1, "no scan"),
