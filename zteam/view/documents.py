@@ -25,7 +25,6 @@ from zteam.messages import (
     PolygonStamped,
     PoseStamped,
     Range,
-    TransformStamped,
     decode,
     ns_from_time,
     to_plain,
@@ -39,27 +38,6 @@ from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView
 
 KEPT = 1000
-
-
-class LogTail:
-    """The newest lines of the logs of all processes, in order of time and numbered."""
-
-    def __init__(self) -> None:
-        self._order = LogOrder(HOLD)
-        self._numbers = itertools.count(1)
-        self._lines: deque[tuple[int, dict[str, Any]]] = deque(maxlen=KEPT)
-
-    def take(self, lines: Sequence[LogLine], now: float) -> None:
-        self._order.take(lines, now)
-
-    def since(self, number: int, now: float) -> tuple[int, list[dict[str, Any]]]:
-        """The number of the last line, and those after `number`: `time` in seconds since the Unix epoch."""
-        for line in self._order.ready(now):
-            level, text = level_name(line.level), printable(line.text)
-            shown = {"time": line.time_ns / NS_PER_S, "process": line.process, "level": level, "text": text}
-            self._lines.append((next(self._numbers), shown))
-        found = [(n, line) for n, line in self._lines if n > number]
-        return (found[-1][0] if found else number), [line for _, line in found]
 
 
 PoseOf = Callable[[str], Pose2 | None]
@@ -213,7 +191,10 @@ class Documents:
         self._state = state
         self._read: dict[str, int] = {}
         self._board = MarkerBoard()
-        self._log = LogTail()
+        self._order = LogOrder(HOLD)
+        self._numbers = itertools.count(1)
+        self._lines: deque[tuple[int, dict[str, Any]]] = deque(maxlen=KEPT)
+        """Of logs, with their numbers."""
         self._told: dict[int, Arrival] = {}
         """By robot: the newest status of what takes its goals."""
         self._gone: dict[int, float] = {}
@@ -230,16 +211,17 @@ class Documents:
         places, known = self._state.places, self._state.queries.frames
         # The frames of a robot that was removed stay with this process.
         robots = None if self._state.queries.sim is None else {None, *self._state.robots()}
-        rows = [
-            _frame(
-                places.buffer.lookup_transform(info.parent, name, 0),
-                info.static,
-                known[name].authority if name in known else "",
-                places.stamp,
-            )
-            for name, info in places.buffer.frames().items()
-            if robots is None or names.robot_id_of(name.partition("/")[0]) in robots
-        ]
+        rows = []
+        for name, info in places.buffer.frames().items():
+            if robots is None or names.robot_id_of(name.partition("/")[0]) in robots:
+                found = places.buffer.lookup_transform(info.parent, name, 0)
+                place, turn = found.transform.translation, found.transform.rotation
+                age = 0.0 if info.static else to_seconds(places.stamp - ns_from_time(found.header.stamp))
+                rows.append({
+                    "name": name, "parent": info.parent, "x": round(place.x, 4), "y": round(place.y, 4),
+                    "z": round(place.z, 4), "yaw": round(yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w), 5),
+                    "static": info.static, "by": known[name].authority if name in known else "", "age": round(age, 3),
+                })  # fmt: skip
         return msgspec.json.encode({"frames": rows})
 
     @property
@@ -254,17 +236,22 @@ class Documents:
         return msgspec.json.encode(self._state.queries.topics)
 
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
-        """`log`: the number of the last line, and the lines after `number`."""
-        topic, now = names.log_key(), monotonic()
-        for event in self._since(topic):
+        """`log`: the number of the newest line of all processes, and the lines after `number`, in order of time: `time`
+        is in seconds since the Unix epoch."""
+        now = monotonic()
+        for event in self._since(names.log_key()):
             process, message = names.process_of(event.key, names.LOG), event.read(Log)
             if process is not None and message is not None:
-                self._log.take([line_of(process, message)], now)
-        kept = self._state.queries.kept_log
-        if kept is not self._kept_log:
+                self._order.take([line_of(process, message)], now)
+        if (kept := self._state.queries.kept_log) is not self._kept_log:
             self._kept_log = kept
-            self._log.take(kept or (), now)
-        return self._log.since(number, now)
+            self._order.take(kept or (), now)
+        for line in self._order.ready(now):
+            level, text = level_name(line.level), printable(line.text)
+            shown = {"time": line.time_ns / NS_PER_S, "process": line.process, "level": level, "text": text}
+            self._lines.append((next(self._numbers), shown))
+        found = [(n, line) for n, line in self._lines if n > number]
+        return (found[-1][0] if found else number), [line for _, line in found]
 
     def goals(self) -> bytes:
         """`goals`: the newest goal of each robot, in `map`, and what has become of it."""
@@ -381,29 +368,14 @@ class Documents:
 
 
 def _shown(arrival: Arrival) -> Any:
-    content, kind = arrival.content, arrival.kind
+    content = arrival.content
     if isinstance(content, bytes):
-        if kind is None:
+        if arrival.kind is None:
             return f"{len(content)} bytes of {arrival.encoding or 'an unknown type'}"
         try:
-            content = decode(kind, content)
+            content = decode(arrival.kind, content)
         except DecodeError as error:
             return f"not readable: {error}"
     plain = to_plain(content)
     size = len(msgspec.json.encode(plain))
     return plain if size <= MAX_ECHO else f"a message of {size} bytes as JSON: too long to be shown"
-
-
-def _frame(transform: TransformStamped, fixed: bool, by: str, now: int) -> dict[str, Any]:
-    place, turn = transform.transform.translation, transform.transform.rotation
-    return {
-        "name": transform.child_frame_id,
-        "parent": transform.header.frame_id,
-        "x": round(place.x, 4),
-        "y": round(place.y, 4),
-        "z": round(place.z, 4),
-        "yaw": round(yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w), 5),
-        "static": fixed,
-        "by": by,
-        "age": 0.0 if fixed else round(to_seconds(now - ns_from_time(transform.header.stamp)), 3),
-    }

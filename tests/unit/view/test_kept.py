@@ -5,12 +5,14 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import pytest
 
 from support.transforms import stamped
 from zteam.messages import LaserScan, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of
 from zteam.node.logs import LogLine
+from zteam.view import documents
 from zteam.view.composing import MOST, samples_since
-from zteam.view.documents import Documents, LogTail
+from zteam.view.documents import Documents
 from zteam.view.received import KEPT, KEPT_BYTES, Received
 from zteam.view.team_view import Places
 
@@ -142,19 +144,25 @@ def test_the_distance_to_an_obstacle_is_the_least_range_that_is_one() -> None:
     assert samples_since(received, "s", "min(header)", 0, 0.0)[1].size == 0
 
 
-def test_log_lines_come_in_order_of_time_and_once() -> None:
+def test_log_lines_come_in_order_of_time_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lines of the history of a process that came live too are not repeated."""
-    tail = LogTail()
     late, early = (
         LogLine(2_000_000_000, "b", LogLevel.INFO, "two\x1b[0m"),
         LogLine(1_000_000_000, "a", LogLevel.WARN, "one"),
     )
-    tail.take([late], now=10.0)
-    tail.take([early, late], now=10.1)
-    assert tail.since(0, now=10.15) == (0, [])
-    number, lines = tail.since(0, now=11.0)
+    state: Any = SimpleNamespace(received=Received(lambda: None), queries=SimpleNamespace(kept_log=[late]))
+    shown = Documents(state)
+
+    def told(number: int, now: float) -> tuple[int, list[dict[str, Any]]]:
+        monkeypatch.setattr(documents, "monotonic", lambda: now)
+        return shown.log(number)
+
+    assert told(0, 10.0) == (0, [])
+    state.queries.kept_log = [early, late]
+    assert told(0, 10.1) == (0, [])
+    number, lines = told(0, 11.0)
     assert [(line["time"], line["level"], line["text"]) for line in lines] == [
         (1.0, "warning", "one"),
         (2.0, "info", "two\ufffd[0m"),
     ]
-    assert tail.since(number, now=12.0) == (number, [])
+    assert told(number, 12.0) == (number, [])
