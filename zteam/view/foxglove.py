@@ -38,7 +38,7 @@ from zteam.messages.definitions import definition_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import find_status
-from zteam.view.connections import Front
+from zteam.view.connections import open_front
 from zteam.view.server import listen
 
 if TYPE_CHECKING:
@@ -109,7 +109,8 @@ class FoxgloveServer:
 
     def __init__(self, node: ProcessNode, host: str, port: int) -> None:
         """Listen at `host`, at `port` or where that is taken at one of the next. Raises UsageError."""
-        from foxglove import Context
+        from foxglove import Context, start_server
+        from foxglove.websocket import Capability
 
         self._node, self._bus = node, node.bus
         self._context = Context()
@@ -121,36 +122,26 @@ class FoxgloveServer:
         """Nanoseconds; None without a simulator."""
         self._told_time = 0
         listener, self.port = listen(host, port)
-        self._server = self._open()
-        # The SDK lets any number of connections wait, and closes its port for good when no descriptor is left.
-        self._front = Front(listener, ("127.0.0.1", self._server.port), node.fail)
-        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
-
-    def _open(self) -> Any:
-        """The server behind the front: only this host reaches it."""
-        from foxglove import start_server
-        from foxglove.websocket import Capability
-
         # What it says of each connection is of no use to a user; nor are its errors of each that is none of a viewer.
         logging.getLogger("foxglove").setLevel(logging.WARNING)
         logging.getLogger("foxglove.websocket").setLevel(logging.CRITICAL)
         # Of what else a client may ask nothing is offered, so it has no other method of a listener.
-        listener: Any = self
-        try:
-            return start_server(
-                name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=listener,
-                context=self._context,
-            )  # fmt: skip
-        except RuntimeError as error:
-            raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
+        requests: Any = self
+        # Only this host reaches it: the SDK lets any number of connections wait, and closes its port for good when no
+        # descriptor is left.
+        self._server = start_server(
+            name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=requests,
+            context=self._context,
+        )  # fmt: skip
+        self._close_front = open_front(listener, ("127.0.0.1", self._server.port), node.fail)
+        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
-        self._front.start()
 
     def close(self) -> None:
         self._woken.set()
-        self._front.close()
+        self._close_front()
         self._server.stop()
         self._thread.join(1.0)
 

@@ -75,7 +75,7 @@ class TeamQueries:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
     def __init__(self, node: ProcessNode, received: Received, on_news: Callable[[], None]) -> None:
-        self._node, self._bus, self._received, self._on_news = node, node.bus, received, on_news
+        self._bus, self._received, self._on_news = node.bus, received, on_news
         self.team = TeamObserver(self._bus)
         self.alive, self.names = self.team.alive, self.team.process_names
         self._is_wanted = False
@@ -103,15 +103,8 @@ class TeamQueries:
         self._opened = 0
         self._begun = 0.0
         """Host time at which the first page came."""
-        for event in (LINK, PRESENCE):
-            self.team.on(event, self._on_change)
-        for topic in (names.STATUS, names.TEAM_STATUS):
-            self.team.on(topic, lambda *_: on_news())
-
-    def _on_change(self, *_: object) -> None:
-        with self._node.changed:
-            self._node.changed.notify_all()
-        self._on_news()
+        for event in (LINK, PRESENCE, names.STATUS, names.TEAM_STATUS):
+            self.team.on(event, lambda *_: on_news())
 
     def watch(self, wanted: bool) -> None:
         """Whether some page is open."""

@@ -5,7 +5,8 @@ import shlex
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import msgspec
 
@@ -186,12 +187,7 @@ PATIENCE = 0.5
 """Host seconds that a scan waits for the pose of its stamp. Then its sensor's newest pose has to do."""
 
 
-class Taken(NamedTuple):
-    """A scan, and when it came."""
-
-    arrival: Arrival
-    scan: LaserScan
-
+Found = tuple[Arrival, LaserScan]
 
 _NOTHING = 0, LaserScan(), Pose2(0.0, 0.0, 0.0)
 """Number, scan and pose in the place of a scan whose place is not known any more: without beams nothing is drawn."""
@@ -205,7 +201,7 @@ class Scene:
         self._blocks: dict[Any, tuple[int, bytes]] = {}
         self._placed: dict[str, tuple[int, LaserScan, Pose2]] = {}
         """By key: the newest scan of which the sensor's pose is known, with its number."""
-        self._waits: dict[str, Taken] = {}
+        self._waits: dict[str, Found] = {}
         """By key: a scan whose sensor's pose is not known yet."""
         self._grids: dict[str, tuple[int, list[Tile]]] = {}
         self._poses: tuple[tuple[int, ...], bytes] = ((), b"")
@@ -236,7 +232,7 @@ class Scene:
         and whose place is not known any more an empty one."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
-            placed, known = self._place(key, robot_id, index, Taken(*found)), self._blocks.get((key, beams))
+            placed, known = self._place(key, robot_id, index, found), self._blocks.get((key, beams))
             if placed is not None or known is not None:
                 number, scan, sensor = placed or _NOTHING
                 if known is None or known[0] != number:
@@ -245,30 +241,29 @@ class Scene:
                 yield key, known[0], known[1]
             index += 1
 
-    def _place(self, key: str, robot_id: int, index: int, newest: Taken) -> tuple[int, LaserScan, Pose2] | None:
+    def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:
         """The newest scan of a laser with its pose at its stamp: that of the laser, turned as the robot's base is.
 
         A scan comes before the poses of its tick. It waits for them, and later ones come meanwhile: without one that is
         kept until then a view that lags would never see both.
         """
         placed = self._placed.get(key)
-        if placed is not None and placed[0] == newest.arrival.number:
+        if placed is not None and placed[0] == newest[0].number:
             return placed
-        waits = self._waits.get(key, newest)
-        late = monotonic() - waits.arrival.time > PATIENCE
+        waits = self._waits.setdefault(key, newest)
+        late = monotonic() - waits[0].time > PATIENCE
         for taken in (newest, waits):
-            found = self._find_sensor(robot_id, index, taken.scan, late=late)
+            found = self._find_sensor(robot_id, index, taken[1], late=late)
             if found is not None:
-                placed = self._placed[key] = taken.arrival.number, *found
-                waits = newest
-                break
-        else:
-            if late and not self._state.places.from_truth and self._state.places.level(robot_id, newest.scan).problem:
-                placed = self._placed.pop(key, None) and None
-        if placed is not None and placed[0] == newest.arrival.number:
-            self._waits.pop(key, None)
-        else:
-            self._waits[key] = waits
+                if taken is newest:
+                    del self._waits[key]
+                else:
+                    self._waits[key] = newest
+                placed = self._placed[key] = taken[0].number, *found
+                return placed
+        if late and not self._state.places.from_truth and self._state.places.level(robot_id, newest[1]).problem:
+            self._placed.pop(key, None)
+            return None
         return placed
 
     def _find_sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> tuple[LaserScan, Pose2] | None:
@@ -302,7 +297,10 @@ class Scene:
         state, queries, bus = self._state, self._state.queries, self._state.node.bus.options
         sim, shapes, outlines, options = queries.sim, queries.shapes, Outlines(), bus.words if bus else {}
         processes = queries.processes()
-        rows, speaks = {}, self._newest_data() if sim is None else {}
+        heard = state.received.of_robots() if sim is None else []
+        # What is latched tells nothing of whether a base is there.
+        times = [(robot_id, arrival.time) for robot_id, topic, arrival in heard if topic not in _OF_NO_BASE]
+        rows, speaks = {}, dict(sorted(times, key=itemgetter(1)))
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
@@ -344,14 +342,6 @@ class Scene:
             # By robot that drives through a list of goals: whether the list is paused.
             "lists": queries.lists,
         }
-
-    def _newest_data(self) -> dict[int, float]:
-        """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
-        found: dict[int, float] = {}
-        for robot_id, topic, arrival in self._state.received.of_robots():
-            if topic not in _OF_NO_BASE:
-                found[robot_id] = max(arrival.time, found.get(robot_id, arrival.time))
-        return found
 
     def grid(self, key: str) -> list[Tile]:
         """The tiles of a grid; those whose cells are as before keep their version."""

@@ -21,7 +21,6 @@ from zteam.messages import (
 from zteam.messages.planar import pose2_of
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
-from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan
 from zteam.view.queries import ASK_PERIOD, Diagnosis, TeamQueries
@@ -207,14 +206,11 @@ class TeamView:
         return sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
 
     def robots(self) -> set[int]:
+        """The robots of the world, and those that have a process; without a simulator all that were heard."""
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
-            return self._in_world(sim)
+            return self.queries.processes().keys() | set(sim.robots)
         return {robot_id for robot_id, _, _ in self.received.of_robots()} | self.queries.robots()
-
-    def _in_world(self, sim: SimStatus) -> set[int]:
-        """The robots of the world, and those that have a process still."""
-        return self.queries.processes().keys() | set(sim.robots)
 
     def _localised(self) -> set[int]:
         """The robots whose place a localisation estimates, and those that a page shows in detail."""
@@ -260,7 +256,7 @@ class TeamView:
             viewers.values(), self.poses, self.drawables, aggregator=aggregator, truth_of=self.places.compared
         )
         if sim is not None:
-            self.received.keep_robots(self._in_world(sim))
+            self.received.keep_robots(self.robots())
         self._subscriptions.match(wanted)
         if not viewers:
             self.received.clear()

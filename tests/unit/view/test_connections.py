@@ -19,7 +19,7 @@ from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
 from zteam.view import server
-from zteam.view.connections import MAX_HEAD, Connections, Front, share_of_descriptors
+from zteam.view.connections import MAX_HEAD, Connections, open_front, share_of_descriptors
 
 MOST = 8
 REQUEST = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -185,8 +185,7 @@ class Desk:
         listener = socket.create_server(("127.0.0.1", 0))
         self._address = listener.getsockname()
         self.failures: list[BaseException] = []
-        self.front = Front(listener, self.server.getsockname(), self.failures.append)
-        self.front.start()
+        self._close_front = open_front(listener, self.server.getsockname(), self.failures.append)
         self._ends = ExitStack()
         self.ends = self._ends.enter_context(ExitStack())
 
@@ -205,7 +204,7 @@ class Desk:
     def close(self) -> None:
         """End all of it."""
         self._ends.close()
-        self.front.close()
+        self._close_front()
         self.server.close()
 
 
