@@ -42,66 +42,40 @@ Outlines = dict[bytes, int]
 """The place in a list of each different outline, as JSON: robots of a kind have one, and a page reads it once."""
 
 
-class RobotRow(msgspec.Struct):
-    """One robot, as the monitor's table shows it, with its body."""
-
-    id: int
-    name: str
-    model: str = ""
-    outline: int = -1
-    """Its place in the document's `outlines`; -1: not known."""
-    state: str = "absent"
-    behavior: str = ""
-    driver: str = ""
-    reason: str = ""
-    leader: int = -1
-    speed: float | None = None
-    age: float | None = None
-    lease: int | None = None
-    """The viewer that drives it."""
-    localised: bool = True
-    """False: it is lost (`zteam.config.localisation`)."""
-    truth: list[float] | None = None
-    """Where it is, x, y, yaw in `map`, where that is known and far from where it takes itself to be."""
-    present: bool = False
-    """Whether the world has it, or without a simulator its base or process is there."""
-    stopped: bool = False
-    """Whether `zteam stop` holds it."""
-    unheld: bool = False
-    """Whether nothing would hold it: it is a real base without a robot process."""
-
-
 def robot_row(
     robot_id: int, outlines: Outlines, *, present: bool, alive: bool = False, status: RobotStatus | None = None,
     age: float = 0.0, base: BaseInfo | None = None, shape: RobotShape | None = None, lease: int | None = None,
     sim: SimStatus | None = None, processes: Sequence[str] = (), amcl: PoseWithCovarianceStamped | None = None,
     places: tuple[Pose2, Pose2] | None = None,
-) -> RobotRow:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     """A robot's row: whether a process holds its name, its newest status and how old that is (host seconds), its base,
     its shape as the simulator tells it, the viewer that drives it, the names of its processes, the estimate of its
-    localiser, and where it is and takes itself to be."""
-    row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=lease)
-    outline: Sequence[object] = ()
+    localiser, and where it is and takes itself to be. `present`: the world has it, or without a simulator its base or
+    process is there."""
+    model, polygons = "", list[Any]()
     if shape is not None:
-        row.model, outline = shape.model, shape.outline
+        model, polygons = shape.model, shape.outline
     elif base is not None:
-        row.model, outline = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
-    if outline:
-        row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
-    row.state, reason = _state_of(status, present=present, alive=alive, age=age)
-    row.stopped = sim is not None and robot_id in sim.stopped
-    if status is not None:
-        row.behavior, row.leader, row.age = short(status.behavior), status.followed, round(age, 2)
-        row.driver = short(status.driver) if alive else RobotDriver.NONE
-        row.speed = round(status.speed, 3) if alive else None
-        row.stopped |= alive and status.is_stopped
+        model, polygons = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
+    state, reason = _state_of(status, present=present, alive=alive, age=age)
+    speed = round(status.speed, 3) if status is not None and alive else None
     if sim is not None and not present:
         reason = f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"
-    elif sim is not None and row.speed is not None and (sim.finished or sim.paused):
+    elif sim is not None and speed is not None and (sim.finished or sim.paused):
         reason = "the run is over" if sim.finished else "the world is paused"
-    row.truth, lost = _find_lost(amcl, places)
-    row.localised, row.reason = not lost, " · ".join(filter(None, (lost, reason)))
-    return row
+    truth, lost = _find_lost(amcl, places)
+    stops = (sim is not None and robot_id in sim.stopped) or (status is not None and alive and status.is_stopped)
+    return {
+        "id": robot_id, "name": names.robot_name(robot_id), "model": model, "present": present, "state": state,
+        # Its place in the list of outlines; -1: not known.
+        "outline": outlines.setdefault(msgspec.json.encode(polygons), len(outlines)) if polygons else -1,
+        "behavior": short(status.behavior) if status else "", "leader": status.followed if status else -1,
+        "driver": "" if status is None else short(status.driver) if alive else RobotDriver.NONE,
+        "reason": " · ".join(filter(None, (lost, reason))), "speed": speed, "age": round(age, 2) if status else None,
+        "lease": lease, "localised": not lost, "truth": truth, "stopped": stops,
+        # Nothing would hold a real base without a robot process.
+        "unheld": sim is None and present and not alive,
+    }  # fmt: skip
 
 
 def _state_of(status: RobotStatus | None, *, present: bool, alive: bool, age: float) -> tuple[str, str]:
@@ -135,14 +109,14 @@ def _find_lost(
     return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> dict[str, Any]:
+def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
     """The start gate, and with `id` and `reason` the robots that GO waits for."""
     if status is None or status.state == TeamState.GO:
         state, text = ("waiting", "no monitor") if status is None else ("go", "GO is out")
         return {"state": state, "text": text, "waiting_for": []}
     missing = status.missing.tolist()
-    started = {i for i in missing if i in robots and robots[i].state != "undriven"}
-    waiting = [{"id": i, "reason": robots[i].reason if i in started else "no process yet"} for i in missing]
+    started = {i for i in missing if i in robots and robots[i]["state"] != "undriven"}
+    waiting = [{"id": i, "reason": robots[i]["reason"] if i in started else "no process yet"} for i in missing]
     waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
     text = f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"
     return {"state": "waiting", "text": text, "waiting_for": waiting}
@@ -288,7 +262,7 @@ class Scene:
             team = self._make_team(now)
             document = msgspec.json.encode(team)
             for row in team["robots"]:
-                row.age = row.speed = None
+                row["age"] = row["speed"] = None
             team["sim"] |= {"rtf": 0.0, "tick": 0, "waits_for": ""}
             self._team = now, document, zlib.crc32(msgspec.json.encode(team))
         return self._team[1:]
@@ -322,7 +296,6 @@ class Scene:
                 amcl=amcl and amcl[1],
                 places=state.places.truth_of(robot_id) if is_in_world else None,
             )
-            rows[robot_id].unheld = sim is None and speaks_now and not alive
         return {
             "robots": list(rows.values()),
             # Polygons in metres, in `base_footprint`.
