@@ -1,10 +1,9 @@
 """What pages command besides driving. Goals of several robots that are sent to one place are spread around it."""
 
 import hashlib
-import itertools
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -66,26 +65,17 @@ def spread(
 
 def _nearest_places(goal: Pose2, count: int, is_free: Callable[[float, float], bool]) -> list[Pose2]:
     found: list[Pose2] = []
-    # Twice as far as an open floor needs: behind that, a place in a wall is no worse than one in another room.
-    rings = 2 + 2 * math.ceil(math.sqrt(count))
     taken: list[Pose2] = []
-    for x, y in _hexagons(rings):
+    # Twice as far as an open floor needs: behind that, a place in a wall is no worse than one in another room.
+    reach = 2 + 2 * math.ceil(math.sqrt(count))
+    sides = range(-reach, reach + 1)
+    grid = [(across + along / 2, along * math.sqrt(0.75)) for along in sides for across in sides]
+    for x, y in sorted(grid, key=lambda point: math.hypot(*point)):
         place = goal.compose(Pose2(SPACING * x, SPACING * y, 0.0))
         (found if not found or is_free(place.x, place.y) else taken).append(place)
         if len(found) == count:
             return found
     return (found + taken)[:count]
-
-
-def _hexagons(rings: int) -> Iterator[tuple[float, float]]:
-    """The points of a triangular grid of side 1, ring after ring, the middle first."""
-    corners = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3)) for k in range(7)]
-    yield 0.0, 0.0
-    for ring in range(1, rings + 1):
-        for (x0, y0), (x1, y1) in itertools.pairwise(corners):
-            for step in range(ring):
-                share = step / ring
-                yield ring * (x0 + share * (x1 - x0)), ring * (y0 + share * (y1 - y0))
 
 
 class Tile(NamedTuple):

@@ -87,13 +87,6 @@ class Monitor:
             self._publisher.put(status)
 
 
-def describe_team(options: MonitorOptions) -> str:
-    """The robots that GO waits for, in words."""
-    if options.ids is None:
-        return counted(options.team_size, "robot")
-    return f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
-
-
 LOOK_FOR = 1.0
 """Host seconds in which a running monitor has to answer, and then to say what it waits for."""
 
@@ -146,6 +139,9 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    log.info("start gate: waiting for %s, then GO", describe_team(options))
+    awaited = counted(options.team_size, "robot")
+    if options.ids is not None:
+        awaited = f"{'robots' if len(options.ids) > 1 else 'robot'} {format_robot_ids(options.ids)}"
+    log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)
