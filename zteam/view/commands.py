@@ -196,8 +196,8 @@ class Commands:
         known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
         poses = {robot_id: known.get(robot_id, goal) for robot_id in request.robots}
-        arrival = self._state.received.get(names.MAP)
-        is_free = room_in(arrival and arrival.read(OccupancyGrid), ROOM)
+        grid = self._state.received.read(names.MAP, OccupancyGrid)
+        is_free = room_in(grid and grid[1], ROOM)
         unheard = []
         for robot_id, place in spread(goal, poses, is_free).items():
             message = PoseStamped(self._header(), pose_message(place))

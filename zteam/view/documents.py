@@ -141,7 +141,8 @@ SENT = "sent"
 def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
     """The newest goal of a robot and the status about it, of the goal that was sent last and of what the robot told
     last; None if it has none."""
-    goal, status = sent and sent.read(PoseStamped), told and told.read(NavigationStatus)
+    goal = sent.read(PoseStamped) if sent else None
+    status = told.read(NavigationStatus) if told else None
     if status is None or told is None:
         return None if goal is None else (goal, None)
     if goal is not None and sent is not None and not is_same_goal(goal, status.goal):

@@ -7,6 +7,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple, TypeVar
 
+import msgspec
+
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.transport import Closeable, RawSample
@@ -38,11 +40,12 @@ from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 M = TypeVar("M", bound=Message)
 
 
-class Arrival(NamedTuple):
+class Arrival(msgspec.Struct, eq=False):
     """One message."""
 
     key: str
     content: bytes | Message
+    """Its bytes, until it is read; then the message, for all readers."""
     number: int
     """Grows with every message of any key."""
     time: float
@@ -59,14 +62,15 @@ class Arrival(NamedTuple):
 
     def read(self, kind: type[M]) -> M | None:
         """The message; None if it is none of this type."""
-        if isinstance(self.content, Message):
-            return self.content if isinstance(self.content, kind) else None
-        if type_of_encoding(self.encoding) not in (kind, None):
-            return None
-        try:
-            return decode(kind, self.content)
-        except DecodeError:
-            return None
+        content = self.content
+        if not isinstance(content, Message):
+            if type_of_encoding(self.encoding) not in (kind, None):
+                return None
+            try:
+                content = self.content = decode(kind, content)
+            except DecodeError:
+                return None
+        return content if isinstance(content, kind) else None
 
 
 KEPT = 2000
@@ -89,43 +93,31 @@ class Received:
         self._newest: dict[str, Arrival] = {}
         self._kept: dict[str, deque[Arrival]] = {}
 
-    def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
+    def take(self, key: str, content: bytes | Message, encoding: str = "", *, topic: str = "") -> None:
+        """A message came; by the subscription to `topic` if each message of that counts."""
         with self._lock:
-            self._newest[key] = self._arrival(key, content, encoding)
+            self.number += 1
+            arrival = Arrival(key, content, self.number, monotonic(), encoding)
+            if not topic:
+                self._newest[key] = arrival
+            else:
+                kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
+                kept.append(arrival)
+                # The messages of a topic are of about one size.
+                size = len(content) if isinstance(content, bytes) else 0
+                while len(kept) > 1 and len(kept) * size > KEPT_BYTES:
+                    kept.popleft()
         self._on_news()
-
-    def keep(self, topic: str, key: str, content: bytes | Message, encoding: str = "") -> None:
-        """A message came on `key`, by the subscription to `topic`, of which each counts."""
-        with self._lock:
-            kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
-            kept.append(self._arrival(key, content, encoding))
-            # The messages of a topic are of about one size.
-            size = len(content) if isinstance(content, bytes) else 0
-            while len(kept) > 1 and len(kept) * size > KEPT_BYTES:
-                kept.popleft()
-        self._on_news()
-
-    def _arrival(self, key: str, content: bytes | Message, encoding: str) -> Arrival:
-        self.number += 1
-        return Arrival(key, content, self.number, monotonic(), encoding)
 
     def get(self, key: str) -> Arrival | None:
         """The newest of a key; None before the first."""
         return self._newest.get(key)
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
-        """The newest of a key, decoded once for all readers; None without one of this type."""
+        """The newest of a key, and its message; None without one of this type."""
         arrival = self._newest.get(key)
-        message = arrival and arrival.read(kind)
-        if arrival is None or message is None:
-            return None
-        if message is not arrival.content:
-            decoded = arrival._replace(content=message)
-            with self._lock:
-                if self._newest.get(key) is arrival:
-                    self._newest[key] = decoded
-            arrival = decoded
-        return arrival, message
+        message = arrival.read(kind) if arrival else None
+        return None if arrival is None or message is None else (arrival, message)
 
     def newest(self) -> list[Arrival]:
         with self._lock:
@@ -197,7 +189,7 @@ class Subscriptions:
 
     def _subscribe(self, topic: Topic) -> Closeable:
         received = self._received
-        take: Callable[..., None] = partial(received.keep, topic.key) if topic.every else received.take
+        take: Callable[..., None] = partial(received.take, topic=topic.key) if topic.every else received.take
         if topic.kind is not None and not topic.latched:
             # As bytes, without time and source: at the rate of lock-step this is most of the cost of a view.
             return self._bus.subscribe_contents(topic.key, topic.kind, take)

@@ -25,7 +25,7 @@ def command(speed: float) -> bytes:
 def take(received: Received, *speeds: float) -> None:
     """Commands come."""
     for speed in speeds:
-        received.keep("t", "t", command(speed), encoding_of(Twist))
+        received.take("t", command(speed), encoding_of(Twist), topic="t")
 
 
 def test_only_the_newest_of_a_key_is_kept() -> None:
@@ -102,7 +102,7 @@ def test_history_of_large_messages_is_short() -> None:
     """A plot of a map's field does not fill the memory."""
     received = Received(lambda: None)
     for _ in range(10):
-        received.keep("map", "map", bytes(KEPT_BYTES // 4))
+        received.take("map", bytes(KEPT_BYTES // 4), topic="map")
     assert [event.number for event in received.since("map", 0)] == [7, 8, 9, 10]
 
 
@@ -138,7 +138,7 @@ def test_the_distance_to_an_obstacle_is_the_least_range_that_is_one() -> None:
     received = Received(lambda: None)
     for ranges in ([2.0, 0.01, np.nan, 1.5, np.inf], [5.0, np.inf]):
         scan = LaserScan(range_min=0.1, range_max=5.0, ranges=np.array(ranges, np.float32))
-        received.keep("s", "s", encode(scan), encoding_of(LaserScan))
+        received.take("s", encode(scan), encoding_of(LaserScan), topic="s")
     _, pairs = samples_since(received, "s", "min(ranges)", 0, 0.0)
     assert pairs[:, 1].tolist() == [1.5]
     assert samples_since(received, "s", "min(header)", 0, 0.0)[1].size == 0
