@@ -15,14 +15,14 @@ import msgspec
 from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import ZteamError, printable, printable_json, short
+from zteam.errors import ZteamError, printable, short
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
 from zteam.monitor.process.start_gate import Event, EventLimit, Gate, KnownRobot
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.live_line import LiveLine, has_live_line
-from zteam.node.output import painted, print_block
+from zteam.node.output import painted, print_block, print_json
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.stopping import STOPPED
@@ -172,13 +172,11 @@ class JsonLines(Lines):
 
     def show(self, event: Event) -> None:
         """Print {"event", "robot" (or null), "text"}."""
-        line = {"event": event.kind, "robot": event.robot, "text": event.text}
-        self._write(printable_json(msgspec.json.encode(line).decode()))
+        print_json({"event": event.kind, "robot": event.robot, "text": event.text})
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
-        line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
-        self._write(printable_json(msgspec.json.encode(line).decode()))
+        print_json({"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows})
 
 
 class LiveTable(Lines):
@@ -216,9 +214,7 @@ class Poses:
 
     def __init__(self, node: ProcessNode, robots: Callable[[], list[int]]) -> None:
         """`robots()` are the ids to ask for."""
-        self._bus = node.bus
-        self._client = TransformClient(node.bus)
-        self._robots = robots
+        self._bus, self._client, self._robots = node.bus, TransformClient(node.bus), robots
         self._stop = threading.Event()
         self.newest: dict[int, Pose2] = {}
         """By id; a robot whose pose is not known has none. Replaced as a whole."""
@@ -268,11 +264,7 @@ class TeamDisplay:
     """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
 
     def __init__(self, node: ProcessNode, team: Gate, watch: TeamWatch, options: MonitorOptions, output: Lines) -> None:
-        self._node = node
-        self._team = team
-        self._watch = watch
-        self._options = options
-        self._output = output
+        self._node, self._team, self._watch, self._options, self._output = node, team, watch, options, output
         self._limit = EventLimit()
         self._leave_at: float | None = None
         self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout

@@ -28,8 +28,7 @@ class Monitor:
     """The gate on the bus. Callbacks run under `node.changed`."""
 
     def __init__(self, node: ProcessNode, options: MonitorOptions) -> None:
-        self._node = node
-        self._options = options
+        self._node, self._options = node, options
         self.gate = Gate(options.ids, options.team_size)
         self._published: TeamStatus | None = None
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
