@@ -198,12 +198,9 @@ class TeamView:
     @property
     def period(self) -> float:
         """Host seconds between two frames of one page."""
-        return FAST_PERIOD if self._runs_fast else PERIOD
-
-    @property
-    def _runs_fast(self) -> bool:
         sim = self.queries.sim
-        return sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
+        is_fast = sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
+        return FAST_PERIOD if is_fast else PERIOD
 
     def robots(self) -> set[int]:
         """The robots of the world, and those that have a process; without a simulator all that were heard."""

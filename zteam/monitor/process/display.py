@@ -293,7 +293,7 @@ class TeamDisplay:
                 decide()
                 if self._update():
                     return
-                self._node.wait(lambda: self._team.has_events or has_work(), 0.2)
+                self._node.wait(lambda: bool(self._team.events) or has_work(), 0.2)
         finally:
             if self._output.is_live:
                 self._print_table()

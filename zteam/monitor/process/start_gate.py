@@ -132,7 +132,7 @@ class Gate:
     def __init__(self, expected: Iterable[int] | None, team_size: int) -> None:
         self.members: dict[int, KnownRobot] = {}
         """All robots that had a process or are waited for, by id."""
-        self._events: list[Event] = []
+        self.events: list[Event] = []
         self._tick = -1
         """Of the simulator, when it was asked last."""
         self._ticked = 0.0
@@ -174,14 +174,10 @@ class Gate:
         return self.members.setdefault(robot_id, KnownRobot())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
-        self._events.append(Event(kind, robot, short(text)))
-
-    @property
-    def has_events(self) -> bool:
-        return bool(self._events)
+        self.events.append(Event(kind, robot, short(text)))
 
     def take_events(self) -> list[Event]:
-        events, self._events = self._events, []
+        events, self.events = self.events, []
         return events
 
     @property
