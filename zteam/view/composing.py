@@ -45,7 +45,6 @@ class Composer:
     def compose(self, viewer: Viewer) -> bytes | None:
         """The next frame; None if there is nothing new."""
         state, now = self._state, monotonic()
-        self._scene.look()
         number, poses = self._scene.poses()
         has_poses = bool(number) and viewer.lacks("poses", number)
         blocks = [poses] if has_poses else []

@@ -184,21 +184,18 @@ class Scene:
         self._team = (float("-inf"), b"", 0)
         """Host time at which `team` was made, the document, and its version."""
 
-    def look(self) -> None:
-        """Take the robots' newest poses, once for all pages."""
+    def poses(self) -> tuple[tuple[int, ...], bytes]:
+        """The number and the robots of the newest poses, empty before there are any; and their block. They are looked
+        at once for all pages."""
         state = self._state
         seen = state.received.number, state.queries.sim, state.places
         if seen != self._looked:
             self._looked = seen
             state.poses = state.places.look(sorted(state.robots()))
-
-    def poses(self) -> tuple[tuple[int, ...], bytes]:
-        """The number and the robots of the newest poses, empty before there are any; and their block."""
-        places, poses = self._state.places, self._state.poses
         # Robots come and go also while nothing new comes of the others.
-        number = (places.number, *poses) if poses or self._poses[0] else ()
+        number = (state.places.number, *state.poses) if state.poses or self._poses[0] else ()
         if number != self._poses[0]:
-            self._poses = number, frames.encode_poses(poses, truth=places.from_truth)
+            self._poses = number, frames.encode_poses(state.poses, truth=state.places.from_truth)
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
@@ -319,16 +316,11 @@ class Scene:
     def grid(self, key: str) -> list[Tile]:
         """The tiles of a grid; those whose cells are as before keep their version."""
         found = self._read(key, OccupancyGrid)
-        if found is None:
+        frame = self._state.places.pose_of(found[1].header.frame_id or names.MAP_FRAME) if found else None
+        if found is None or frame is None:
             return []
-        arrival, grid = found
-        frame = self._state.places.pose_of(grid.header.frame_id or names.MAP_FRAME)
-        if frame is None:
-            return []
-        known = self._grids.get(key)
-        if known is None or known[0] != arrival.number:
-            known = self._grids[key] = (
-                arrival.number,
-                make_tiles(key, grid, arrival.number, frame, known[1] if known else []),
-            )
-        return known[1]
+        number, tiles = self._grids.get(key, (0, []))
+        if number != found[0].number:
+            tiles = make_tiles(key, found[1], found[0].number, frame, tiles)
+            self._grids[key] = found[0].number, tiles
+        return tiles

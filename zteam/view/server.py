@@ -23,14 +23,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import Twist, Vector3
-from zteam.view import requests, rights
+from zteam.view import requests
 from zteam.view.commands import Commands
 from zteam.view.composing import Composer
-from zteam.view.connections import Connections, protocols_of, share_of_descriptors
+from zteam.view.connections import Connections, Gatekeeper, is_token, protocols_of, share_of_descriptors, takes_origin
 from zteam.view.driving import Driving
 from zteam.view.files import FOLDER, HEADERS, PageFiles
 from zteam.view.received import Viewer
-from zteam.view.rights import Gatekeeper
 from zteam.view.team_view import TeamView
 
 GATHER = 0.01
@@ -96,7 +95,7 @@ class Page:
             raise DecodeError("the first message has to be hello")
         if hello.version != requests.VERSION:
             raise DecodeError(f"the page speaks version {hello.version}, this server {requests.VERSION}: load it again")
-        viewer = Viewer(next(self._server.numbers), rights.is_token(hello.token, self._server.token))
+        viewer = Viewer(next(self._server.numbers), is_token(hello.token, self._server.token))
         if not self._keep(viewer):
             raise DecodeError("too many pages are open: close one of them")
         welcome = {
@@ -143,7 +142,7 @@ class Page:
             case requests.Hello():
                 raise DecodeError("hello comes once")
             case requests.Token():
-                viewer.may_command |= rights.is_token(request.token, self._server.token)
+                viewer.may_command |= is_token(request.token, self._server.token)
                 self._keep(viewer)
                 self._say({"op": "rights", "may_command": viewer.may_command})
             case requests.Drive():
@@ -305,7 +304,7 @@ class WebServer:
         host, is_socket, problem = headers.get("host", ""), scope["type"] == "websocket", ""
         if not self._gate.takes_host(host):
             problem = f"this server is not known as {host!r:.80}"
-        elif is_socket and not self._gate.takes_origin(headers.get("origin"), host):
+        elif is_socket and not takes_origin(headers.get("origin"), host):
             problem = f"a page of {headers['origin']!r:.80} may not open it"
         scope["transport"] = transport
         self.connections.begin(transport)

@@ -18,7 +18,7 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import ZteamError, printable, short
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
-from zteam.monitor.process.start_gate import Event, EventLimit, Gate, KnownRobot
+from zteam.monitor.process.start_gate import SILENT_AFTER, Event, EventLimit, Gate, KnownRobot
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.live_line import LiveLine, has_live_line
@@ -71,7 +71,8 @@ def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Res
     rows = []
     for robot_id, member in sorted(team.members.items()):
         name, status = names.robot_name(robot_id), member.status
-        lack = member.lack_of_data(now, ticks=team.ticks(now))
+        drives, quiet = status is not None and status.state == RobotState.RUNNING, now - member.moved
+        lack = f"no data for {quiet:.0f} s" if drives and quiet > SILENT_AFTER and not team.ticks(now) else ""
         row = Row(name, _state(member), pose=poses.get(robot_id), reason=_reason(member, lack))
         row.restarts = restarts[name].count if name in restarts else 0
         if status is not None:

@@ -108,13 +108,6 @@ class KnownRobot(msgspec.Struct):
         """Whether it lives and sends no further status."""
         return self.status is not None and self.alive and not self.silent and now - self.heard > SILENT_AFTER
 
-    def lack_of_data(self, now: float, *, ticks: bool) -> str:
-        """That it drives and gets no data any more, in words; empty while it does. `ticks`: the simulator does."""
-        status, quiet = self.status, now - self.moved
-        if status is None or status.state != RobotState.RUNNING or quiet <= SILENT_AFTER or ticks:
-            return ""
-        return f"no data for {quiet:.0f} s"
-
 
 _SETTLED = 1.0
 """Host seconds until all processes and statuses that are there are known."""
