@@ -10,9 +10,9 @@ from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.presence import own_info
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
-from zteam.monitor.process.members import Event
+from zteam.monitor.process.display import Lines
 from zteam.monitor.process.node import Monitor
-from zteam.monitor.process.table import Lines
+from zteam.monitor.process.start_gate import Event
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.shutdown import Stop

@@ -154,36 +154,6 @@ def test_the_world_is_controlled_by_pages_with_the_token(team: TeamFixture) -> N
         page.wait(lambda: page.docs["team"]["sim"]["speed"] == 2.0)
 
 
-@pytest.mark.real_time
-def test_where_time_runs_fast_the_newest_is_asked_for(team: TeamFixture) -> None:
-    """No message of each tick comes to the view then, and the page sees the robots and their scans all the same."""
-
-    sessions: set[str] = set()
-
-    def on_token(key: str, _alive: bool) -> None:
-        name, session = names.split_token_key(key) or ("", "")
-        sessions.update({session} if name == names.VIEW else ())
-
-    def view_hears(*keys: str) -> bool:
-        told = team.bus.declarations()
-        return {each.key for each in told if not each.publishes and each.session in sessions}.issuperset(keys)
-
-    team.bus.watch_tokens([names.tokens_key("*")], on_token)
-    every = ("tf", "robot_0/base_scan$*", "robot_1/base_scan$*")
-    team.start("arena", 2, lockstep=False)
-    team.wait_for_go()
-    with open_page(start_view(team)) as page:
-        look(page, "scans")
-        page.wait(lambda: (SCAN, 1) in page.blocks)
-        team.wait_for(lambda: view_hears(*every))
-        team.sim.set_speed(None)
-        team.wait_for(lambda: not any(view_hears(key) for key in every))
-        page.blocks.clear()
-        page.wait(lambda: {(POSES, TEAM), (SCAN, 0), (SCAN, 1)} <= page.blocks.keys())
-        team.sim.pause()
-        team.wait_for(lambda: view_hears(*every))
-
-
 def test_a_run_repeats_with_and_without_a_view(team: TeamFixture) -> None:
     """A view that watches, and is killed in the middle, leaves the trajectory as it is without one."""
     team.start("arena", 2, follow={1: 0}, seed=3)

@@ -5,7 +5,6 @@ import os
 import socket
 import sys
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
@@ -29,7 +28,6 @@ from zteam.bus.transport import (
     check_use,
     decode_json,
 )
-from zteam.clock import Every
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
@@ -45,8 +43,6 @@ log = logging.getLogger("zteam.bus")
 
 MOST_SESSIONS = 16
 """Sessions that are asked: a sender can invent them."""
-_RIVALS_PAUSE = 60.0
-"""Host seconds between two lines about others that publish on a key."""
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
@@ -73,10 +69,9 @@ class Deferred(NamedTuple):
 
 
 class SessionRequest(msgspec.Struct):
-    """Asks a session which process it is, and tells it of others that publish on a key."""
+    """Asks a session which process it is, and whether it publishes on a key."""
 
     key: _Text = ""
-    rivals: Annotated[list[_Text], msgspec.Meta(max_length=MOST_SESSIONS)] = []
 
 
 class SessionInfo(msgspec.Struct):
@@ -210,8 +205,6 @@ class Bus:
         self._declared: dict[object, Declaration] = {}
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rivals_due = defaultdict[str, Every](lambda: Every(_RIVALS_PAUSE))
-        """By key: whether a line is due about others that publish on it; any program may ask for one."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
@@ -402,8 +395,6 @@ class Bus:
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
-        if publishes and request.rivals and self._rivals_due[request.key].due():
-            log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
         return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:

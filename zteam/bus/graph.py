@@ -241,15 +241,10 @@ def _ask(bus: Bus, sessions: Sequence[str], key: str) -> dict[str, SessionInfo]:
     return found
 
 
-def tell_rivals(bus: Bus, key: str, sessions: Sequence[str]) -> list[str]:
-    """Tell each of these sessions that the others publish on `key` too; what people read for each, in this order."""
+def name_publishers(bus: Bus, key: str, sessions: Sequence[str]) -> list[str]:
+    """What people read for each of these sessions, which publish on `key`, in this order."""
     answers = _ask(bus, sessions, key)
     # A sender chooses its time stamps, and with them the session that they name: that one has no part in it.
     forged = {each for each, info in answers.items() if not info.publishes}
-    texts = {each: str(answers.get(each) or f"session {each}") for each in sessions if each not in forged}
-    if forged:
-        texts[""] = "a sender with forged time stamps"
-    for session in answers.keys() - forged:
-        rivals = [text for each, text in texts.items() if each != session][:MOST_SESSIONS]
-        bus.find(names.session_info_key(session), SessionInfo, SessionRequest(key, rivals), timeout=_LIMIT)
-    return list(texts.values())
+    texts = [str(answers.get(each) or f"session {each}") for each in sessions if each not in forged]
+    return [*texts, "a sender with forged time stamps"] if forged else texts

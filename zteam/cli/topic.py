@@ -41,42 +41,6 @@ from zteam.messages.topics import type_of_key
 from zteam.node.output import print_block, print_json, print_line
 
 
-class _Audience:
-    """The subscribers of a key: prints their names, and again when the first one has come or the last one has gone."""
-
-    def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
-        self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = False
-        self._shown: object = ...
-        """What was printed: their names, None if they report none, and at first nothing."""
-
-    def show(self, what: str, graph: Graph) -> None:
-        """Print that `what` is published, and the subscribers unless they are the same; warn if there is none."""
-        self._matching = self._publisher.has_subscribers
-        # A session that closes may report a subscriber that it no longer has. One that has just come reports its name
-        # now.
-        found: list[str] | None = graph.subscribers(self._key) if self._matching else []
-        if self._matching and not found:
-            found = find_graph(self._bus).subscribers(self._key) or None
-        if found == self._shown:
-            return
-        self._shown = found
-        if found is None:
-            listed = "subscribers that tell no name (frozen, or no processes of zteam)"
-        elif found:
-            listed = f"{counted(len(found), 'subscriber')}: {', '.join(found)}"
-        else:
-            listed = "no subscriber yet"
-        print_line(f"publishing {what} to {listed}")
-        if found == []:
-            hint = "" if graph.publishers(self._key) else near_keys(self._key, graph.known_keys())
-            _say(f"nothing subscribes to {self._key}{hint}")
-
-    def look(self) -> None:
-        if self._publisher.has_subscribers != self._matching:
-            self.show(f"on {self._key}", find_graph(self._bus))
-
-
 def publish(args: argparse.Namespace) -> None:
     """Publish once, a number of times or until Ctrl+C."""
     key, kind = check_key(args.key), message_type(args.type)
@@ -100,11 +64,13 @@ def publish(args: argparse.Namespace) -> None:
         check_type(bus, key, kind, graph)
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
-        audience = _Audience(bus, key, publisher)
         how = (
             "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
         )
-        audience.show(f"{kind.ros_type} on {key} {how}", graph)
+        print_line(f"publishing {kind.ros_type} on {key} {how} to {_list_subscribers(bus, key, publisher, graph)}")
+        if not publisher.has_subscribers:
+            hint = "" if graph.publishers(key) else near_keys(key, graph.known_keys())
+            _say(f"nothing subscribes to {key}{hint}")
         _warn_of_others(key, graph)
 
         def send() -> None:
@@ -117,7 +83,15 @@ def publish(args: argparse.Namespace) -> None:
         for _ in itertools.count() if times is None else range(times - 1):
             wait()
             send()
-            audience.look()
+
+
+def _list_subscribers(bus: Bus, key: str, publisher: Publisher[Message], graph: Graph) -> str:
+    # A session that closes may report a subscriber that it no longer has. One that has just come reports its name now.
+    if not publisher.has_subscribers:
+        return "no subscriber yet"
+    found = graph.subscribers(key) or find_graph(bus).subscribers(key)
+    unnamed = "subscribers that tell no name (frozen, or no processes of zteam)"
+    return f"{counted(len(found), 'subscriber')}: {', '.join(found)}" if found else unnamed
 
 
 def _say(text: str) -> None:

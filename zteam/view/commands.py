@@ -1,12 +1,11 @@
 """What pages command besides driving. Goals of several robots that are sent to one place are spread around it."""
 
 import hashlib
-import itertools
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,26 +65,17 @@ def spread(
 
 def _nearest_places(goal: Pose2, count: int, is_free: Callable[[float, float], bool]) -> list[Pose2]:
     found: list[Pose2] = []
-    # Twice as far as an open floor needs: behind that, a place in a wall is no worse than one in another room.
-    rings = 2 + 2 * math.ceil(math.sqrt(count))
     taken: list[Pose2] = []
-    for x, y in _hexagons(rings):
+    # Twice as far as an open floor needs: behind that, a place in a wall is no worse than one in another room.
+    reach = 2 + 2 * math.ceil(math.sqrt(count))
+    sides = range(-reach, reach + 1)
+    grid = [(across + along / 2, along * math.sqrt(0.75)) for along in sides for across in sides]
+    for x, y in sorted(grid, key=lambda point: math.hypot(*point)):
         place = goal.compose(Pose2(SPACING * x, SPACING * y, 0.0))
         (found if not found or is_free(place.x, place.y) else taken).append(place)
         if len(found) == count:
             return found
     return (found + taken)[:count]
-
-
-def _hexagons(rings: int) -> Iterator[tuple[float, float]]:
-    """The points of a triangular grid of side 1, ring after ring, the middle first."""
-    corners = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3)) for k in range(7)]
-    yield 0.0, 0.0
-    for ring in range(1, rings + 1):
-        for (x0, y0), (x1, y1) in itertools.pairwise(corners):
-            for step in range(ring):
-                share = step / ring
-                yield ring * (x0 + share * (x1 - x0)), ring * (y0 + share * (y1 - y0))
 
 
 class Tile(NamedTuple):
@@ -143,8 +133,6 @@ def room_in(grid: OccupancyGrid | None, radius: float) -> Callable[[float, float
     return is_free
 
 
-M = TypeVar("M", bound=Message)
-
 HEARD_WITHIN = 0.3 * HOST_FACTOR
 """Host seconds for a new publisher to learn of its subscribers."""
 ROOM = 0.3
@@ -160,69 +148,41 @@ class Commands:
 
     def __init__(self, state: TeamView) -> None:
         self._state = state
-        self._simulator = SimulatorClient(state.node.bus)
-        self._parameters = ParametersClient(state.node.bus)
         self._publishers: dict[str, Publisher[Message]] = {}
         self._lock = threading.Lock()
-        self._stops = StopClient(state.node.bus, state.queries.names)
-
-    def stop_robots(self) -> str:
-        """Stop all robots; which processes have not confirmed it, empty if all have."""
-        return self._done(lambda: _need_done(self._stops.engage()))
+        bus = state.node.bus
+        self._simulator = simulator = SimulatorClient(bus)
+        stops, set_parameters = StopClient(bus, state.queries.names), ParametersClient(bus).set
+        self._acts: Mapping[str, Callable[[Any], object]] = {
+            "stop_robots": lambda _: _need_done(stops.engage()),
+            "release_robots": lambda _: _need_done(stops.release()),
+            "goal": self._send_goals,
+            "cancel": self._cancel_goals,
+            "resume_lists": lambda _: pause_lists(bus, paused=False),
+            "initialpose": self._send_initial_pose,
+            "pause": lambda _: simulator.pause(),
+            "resume": lambda _: simulator.resume(),
+            # It may take long: the page sees the tick.
+            "step": lambda it: simulator.begin_steps(it.ticks),
+            "speed": lambda it: simulator.set_speed(it.factor or None),
+            "reset": lambda _: simulator.reset(),
+            "spawn": self._spawn,
+            "remove": lambda it: simulator.remove(it.robot),
+            "move": lambda it: simulator.move(it.robot, it.x, it.y, it.yaw),
+            "start": lambda it: start_robot(bus, it.robot, it.behavior),
+            "parameter": lambda it: set_parameters(names.robot_name(it.robot), {it.name: parse_value(it.value)}),
+            "doctor": lambda _: state.diagnosis.start(),
+        }
 
     def carry_out(self, request: requests.Command) -> str:
         """Do it; why not, if it cannot be done."""
-        return self._done(lambda: self._act(request))
-
-    def _done(self, act: Callable[[], None]) -> str:
         try:
-            act()
+            self._acts[request.op](request)
         except ZteamError as error:
             return str(error)
         finally:
             self._state.ask_soon()
         return ""
-
-    def _act(self, request: requests.Command) -> None:
-        simulator = self._simulator
-        match request:
-            case requests.Goal():
-                self._send_goals(request)
-            case requests.ReleaseRobots():
-                _need_done(self._stops.release())
-            case requests.CancelGoals():
-                # A list may have sent a goal that the page has not seen.
-                also = pause_lists(self._state.node.bus, paused=True) if request.pauses else []
-                self._cancel_goals(request.robots, also)
-            case requests.ResumeLists():
-                pause_lists(self._state.node.bus, paused=False)
-            case requests.InitialPose():
-                self._send_initial_pose(request)
-            case requests.Pause():
-                simulator.pause()
-            case requests.Resume():
-                simulator.resume()
-            case requests.Step():
-                # It may take long: the page sees the tick.
-                simulator.begin_steps(request.ticks)
-            case requests.SetSpeed():
-                simulator.set_speed(request.factor or None)
-            case requests.Reset():
-                simulator.reset()
-            case requests.Spawn():
-                self._spawn(request)
-            case requests.Remove():
-                simulator.remove(request.robot)
-            case requests.Move():
-                simulator.move(request.robot, request.x, request.y, request.yaw)
-            case requests.SetParameter():
-                self._parameters.set(names.robot_name(request.robot), {request.name: parse_value(request.value)})
-            case requests.Start():
-                start_robot(self._state.node.bus, request.robot, request.behavior)
-            case requests.Examine():
-                self._state.diagnosis.start()
-            case _:
-                raise ZteamError("this is no command")
 
     def _spawn(self, request: requests.Spawn) -> None:
         robot_id = self._simulator.spawn(request.x, request.y, request.yaw, model=request.model)
@@ -236,8 +196,8 @@ class Commands:
         known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
         poses = {robot_id: known.get(robot_id, goal) for robot_id in request.robots}
-        arrival = self._state.received.get(names.MAP)
-        is_free = room_in(arrival and arrival.read(OccupancyGrid), ROOM)
+        grid = self._state.received.read(names.MAP, OccupancyGrid)
+        is_free = room_in(grid and grid[1], ROOM)
         unheard = []
         for robot_id, place in spread(goal, poses, is_free).items():
             message = PoseStamped(self._header(), pose_message(place))
@@ -250,13 +210,14 @@ class Commands:
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
 
-    def _cancel_goals(self, robots: Sequence[int], also: Sequence[int]) -> None:
-        """Give up the goals of these robots; others `also`, if they have one."""
+    def _cancel_goals(self, request: requests.CancelGoals) -> None:
+        # A list may have sent a goal that the page has not seen.
+        others = pause_lists(self._state.node.bus, paused=True) if request.pauses else []
+        robots = [*dict.fromkeys((*request.robots, *others))]
         # All at once: each robot that hangs takes its time to say nothing.
         with ThreadPoolExecutor(CANCELS, "cancel") as threads:
-            others = threads.map(self._cancel_goal, [each for each in also if each not in robots])
-            problems = [problem for problem in threads.map(self._cancel_goal, robots) if problem]
-            list(others)
+            answers = zip(robots, threads.map(self._cancel_goal, robots), strict=True)
+            problems = [problem for robot_id, problem in answers if problem and robot_id in request.robots]
         if problems:
             raise ZteamError("; ".join(problems))
 
@@ -274,7 +235,7 @@ class Commands:
         why = ": the world is paused, and it has not taken its goal yet" if sim is not None and sim.paused else ""
         return f"{name} has no goal to give up{why}"
 
-    def _send_initial_pose(self, request: requests.InitialPose) -> None:
+    def _send_initial_pose(self, request: requests.Placed) -> None:
         pose = PoseWithCovariance(pose_message(Pose2(request.x, request.y, request.yaw)))
         pose.covariance = pose.covariance.copy()
         pose.covariance[[0, 7, 35]] = POSITION_VARIANCE, POSITION_VARIANCE, YAW_VARIANCE

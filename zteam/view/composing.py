@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
-from zteam.messages import LaserScan, Message, Path, PoseArray
+from zteam.messages import LaserScan, Message, Path, Pose, PoseArray
 from zteam.messages.planar import pose2_of
 from zteam.node.tick_messages import stamp_of
 from zteam.view import frames
@@ -32,6 +32,9 @@ LINES = 200
 """Of logs that go into one frame."""
 
 
+Encode = Callable[[str, NDArray[np.float64]], bytes]
+
+
 class Composer:
     """Makes frames for all pages, on one thread."""
 
@@ -42,7 +45,6 @@ class Composer:
     def compose(self, viewer: Viewer) -> bytes | None:
         """The next frame; None if there is nothing new."""
         state, now = self._state, monotonic()
-        self._scene.look()
         number, poses = self._scene.poses()
         has_poses = bool(number) and viewer.lacks("poses", number)
         blocks = [poses] if has_poses else []
@@ -70,7 +72,7 @@ class Composer:
     def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
         """Tiles that the page lacks, of so many bytes together, and at least one."""
         found: list[bytes] = []
-        costmaps = self._state.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
+        costmaps = self._state.drawables.of("costmaps") if "costmaps" in viewer.look.layers else []
         if "costs" in viewer.look.layers:
             costmaps += [names.robot_key(i, names.GLOBAL_COSTMAP) for i in viewer.look.selected]
         keys = list(dict.fromkeys((names.MAP, *costmaps)))
@@ -91,50 +93,42 @@ class Composer:
 
     def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
         """Paths and particles."""
-        layers, read, pose_of = viewer.look.layers, self._state.received.read, self._state.places.pose_of
-        for key in self._state.drawables.keys("plans") if "plans" in layers else ():
-            found = read(key, Path)
-            frame = pose_of(found[1].header.frame_id) if found else None
-            if found and frame is not None and viewer.lacks(key, found[0].number):
-                points = [frame.compose(pose2_of(each.pose))[:2] for each in found[1].poses]
-                yield frames.encode_path(key, np.array(points, np.float64).reshape(-1, 2))
-        for key in self._state.drawables.keys("particles") if "particles" in layers else ():
-            cloud = read(key, PoseArray)
-            frame = pose_of(cloud[1].header.frame_id) if cloud else None
-            if cloud and frame is not None and viewer.lacks(key, cloud[0].number):
-                poses = [frame.compose(pose2_of(pose)) for pose in cloud[1].poses]
-                yield frames.encode_pose_array(key, np.array(poses, np.float64).reshape(-1, 3))
+        drawables, read, pose_of = self._state.drawables, self._state.received.read, self._state.places.pose_of
+        kinds: tuple[tuple[str, type[Path | PoseArray], Encode], ...] = (
+            ("plans", Path, frames.encode_path), ("particles", PoseArray, frames.encode_pose_array),
+        )  # fmt: skip
+        for layer, kind, encode in kinds:
+            for key in drawables.of(layer) if layer in viewer.look.layers else ():
+                found = read(key, kind)
+                frame = pose_of(found[1].header.frame_id) if found else None
+                if found and frame is not None and viewer.lacks(key, found[0].number):
+                    poses = [pose if isinstance(pose, Pose) else pose.pose for pose in found[1].poses]
+                    numbers = [frame.compose(pose2_of(pose)) for pose in poses]
+                    yield encode(key, np.array(numbers, np.float64).reshape(-1, 3))
 
     def _docs(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         team, version = self._scene.team()
         again = TEAM_AGAIN * max(1.0, len(self._state.poses) / TEAM_SIZE)
         if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
             yield frames.encode_doc("team", team)
-        layers, docs, make = viewer.layers, viewer.look.docs, self._documents
+        layers, docs, make, robot_id = viewer.layers, viewer.look.docs, self._documents, viewer.inspected
         # What has not come yet is not sent as an empty list: the page tells the two apart.
-        if ("tf" in layers or "tf" in docs) and make.knows_frames:
-            yield from self._doc(viewer, "tf", make.transforms, now, FAST if "tf" in layers else SLOW)
-        if "topics" in docs and self._state.queries.topics is not None:
-            yield from self._doc(viewer, "topics", make.topics, now, SLOW)
-        if (robot_id := viewer.inspected) is not None:
-            yield from self._doc(viewer, "inspect", partial(make.inspect, robot_id), now, OFTEN)
-        if "doctor" in docs:
-            yield from self._doc(viewer, "doctor", lambda: self._state.diagnosis.document, now, FAST)
-        drawn = {
-            "goals": make.goals, "obstacles": make.obstacles, "markers": make.markers, "sonars": make.sonars,
-            "fiducials": make.fiducials,
-        }  # fmt: skip
-        for name in drawn.keys() & layers:
-            yield from self._doc(viewer, name, drawn[name], now, FAST)
+        has_frames, has_topics = make.knows_frames, self._state.queries.topics is not None
+        rows: list[tuple[str, bool, float, Callable[[], bytes]]] = [
+            ("tf", has_frames and ("tf" in layers or "tf" in docs), FAST if "tf" in layers else SLOW, make.transforms),
+            ("topics", has_topics and "topics" in docs, SLOW, make.topics),
+            ("inspect", robot_id is not None, OFTEN, partial(make.inspect, robot_id or 0)),
+            ("doctor", "doctor" in docs, FAST, lambda: self._state.diagnosis.document),
+            *((name, name in layers, FAST, drawn) for name, drawn in make.drawn.items()),
+        ]
+        for name, is_shown, period, document_of in rows:
+            # Of those that were not looked at within their period, those that have changed.
+            if is_shown and viewer.lacks((name, "looked at"), int(now / period)):
+                document = document_of()
+                if viewer.lacks((name, "sent"), zlib.crc32(document)):
+                    yield frames.encode_doc(name, document)
         if "log" in docs:
             yield from self._log(viewer)
-
-    def _doc(self, viewer: Viewer, name: str, make: Callable[[], bytes], now: float, period: float) -> Iterator[bytes]:
-        """A document that has changed, unless it was looked at within `period`."""
-        if viewer.lacks((name, "looked at"), int(now / period)):
-            document = make()
-            if viewer.lacks((name, "sent"), zlib.crc32(document)):
-                yield frames.encode_doc(name, document)
 
     def _log(self, viewer: Viewer) -> Iterator[bytes]:
         viewer.log_number, lines = self._documents.log(viewer.log_number)
@@ -143,70 +137,46 @@ class Composer:
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         offset = to_seconds(self._state.places.stamp) - now
-        for watch, number in list(viewer.watches.items()):
-            if watch.field:
-                newest, pairs = samples_since(self._state.received, watch.topic, watch.field, number, offset)
-                viewer.watches[watch] = newest
+        for (topic, field), number in list(viewer.watches.items()):
+            if field:
+                newest, pairs = samples_since(self._state.received, topic, field, number, offset)
+                viewer.watches[topic, field] = newest
                 if len(pairs):
-                    yield frames.encode_samples(watch.topic, watch.field, pairs)
-            elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
-                arrival = self._state.received.get(watch.topic)
+                    yield frames.encode_samples(topic, field, pairs)
+            elif viewer.lacks((topic, "looked at"), int(now / FAST)):
+                arrival = self._state.received.get(topic)
                 if arrival is not None and arrival.number != number:
-                    viewer.watches[watch] = arrival.number
+                    viewer.watches[topic, field] = arrival.number
                     yield frames.encode_doc("echo", self._documents.echo(arrival))
 
 
-_PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)
-
-
-def parse_path(path: str) -> list[str | int] | None:
-    """The names and positions of a field, such as `twist.twist.linear.x` or `ranges[3]`; None for what is no path."""
-    steps: list[str | int] = []
-    for part in path.split("."):
-        match = _PART.fullmatch(part)
-        if match is None:
-            return None
-        steps.append(match[1])
-        steps += [int(index) for index in re.findall(r"[0-9]+", match[2])]
-    return steps
-
-
+_STEP = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)
 _LEAST = re.compile(r"min\((.+)\)")
 
 
-def number_at(message: Message, path: list[str | int]) -> float | None:
-    """The number of a message at a path; None where there is none."""
-    value = _value_at(message, path)
-    try:
-        return None if value is None or isinstance(value, Message | str | bytes | list) else float(value)
-    except (TypeError, ValueError):
-        return None
+def number_at(message: Message, field: str) -> float | None:
+    """The number of a message at a path, such as `twist.twist.linear.x` or `ranges[3]`; None where there is none.
 
-
-def least_at(message: Message, path: list[str | int]) -> float | None:
-    """The least number of a list; of a scan's ranges the least that is a distance. None where there is none."""
+    With `min(ranges)` it is the least of a list; of a scan's ranges the least that is a distance.
+    """
+    least = _LEAST.fullmatch(field)
+    value: Any = message
     try:
-        values = np.asarray(_value_at(message, path), np.float64).ravel()
-    except (TypeError, ValueError):
+        for part in (least[1] if least else field).split("."):
+            step = _STEP.fullmatch(part)
+            if step is None or not isinstance(value, Message) or step[1] not in value.__struct_fields__:
+                return None
+            value = getattr(value, step[1])
+            for index in re.findall(r"[0-9]+", step[2]):
+                value = value[int(index)]
+        if not least:
+            return None if isinstance(value, Message | str | bytes | list) else float(value)
+        values = np.asarray(value, np.float64).ravel()
+    except (IndexError, TypeError, KeyError, ValueError):
         return None
     lowest, highest = (message.range_min, message.range_max) if isinstance(message, LaserScan) else (-np.inf, np.inf)
     values = values[np.isfinite(values) & (values >= lowest) & (values < highest)]
     return float(values.min()) if values.size else None
-
-
-def _value_at(message: Message, path: list[str | int]) -> Any:
-    value: Any = message
-    try:
-        for step in path:
-            if isinstance(step, int):
-                value = value[step]
-            elif isinstance(value, Message) and step in value.__struct_fields__:
-                value = getattr(value, step)
-            else:
-                return None
-        return value
-    except (IndexError, TypeError, KeyError, ValueError):
-        return None
 
 
 MOST = 100
@@ -222,15 +192,12 @@ def samples_since(
     with `team_from_host` (s) added.
     """
     events = received.since(topic, number)
-    least = _LEAST.fullmatch(field)
-    path, read = parse_path(least[1] if least else field), least_at if least else number_at
-    if not events or path is None:
-        return (events[-1].number if events else number), np.zeros((0, 2))
-    stride = max(1, -(-len(events) // MOST))
+    if not events:
+        return number, np.zeros((0, 2))
     pairs = []
-    for event in events[::-stride][::-1]:
+    for event in events[:: -max(1, -(-len(events) // MOST))][::-1]:
         message = event.read(event.kind) if event.kind else None
-        value = None if message is None else read(message, path)
+        value = None if message is None else number_at(message, field)
         if message is not None and value is not None:
             pairs.append((to_seconds(stamp_of(message)) or event.time + team_from_host, value))
     return events[-1].number, np.array(pairs, np.float64).reshape(-1, 2)

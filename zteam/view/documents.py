@@ -3,14 +3,15 @@
 import itertools
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
 
 from zteam import names
+from zteam.bus.graph import rate_of
 from zteam.clock import NS_PER_S, monotonic, to_seconds
-from zteam.errors import DecodeError, printable
+from zteam.errors import DecodeError, printable, short
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Fiducials,
@@ -19,9 +20,11 @@ from zteam.messages import (
     MarkerAction,
     MarkerArray,
     MarkerType,
+    NavigationState,
+    NavigationStatus,
     PolygonStamped,
+    PoseStamped,
     Range,
-    TransformStamped,
     decode,
     ns_from_time,
     to_plain,
@@ -30,32 +33,11 @@ from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
 from zteam.node.log_client import HOLD, LogOrder, level_name, line_of
 from zteam.node.logs import LogLine
-from zteam.view.goals import Goals
+from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
 from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView
 
 KEPT = 1000
-
-
-class LogTail:
-    """The newest lines of the logs of all processes, in order of time and numbered."""
-
-    def __init__(self) -> None:
-        self._order = LogOrder(HOLD)
-        self._numbers = itertools.count(1)
-        self._lines: deque[tuple[int, dict[str, Any]]] = deque(maxlen=KEPT)
-
-    def take(self, lines: Sequence[LogLine], now: float) -> None:
-        self._order.take(lines, now)
-
-    def since(self, number: int, now: float) -> tuple[int, list[dict[str, Any]]]:
-        """The number of the last line, and those after `number`: `time` in seconds since the Unix epoch."""
-        for line in self._order.ready(now):
-            level, text = level_name(line.level), printable(line.text)
-            shown = {"time": line.time_ns / NS_PER_S, "process": line.process, "level": level, "text": text}
-            self._lines.append((next(self._numbers), shown))
-        found = [(n, line) for n, line in self._lines if n > number]
-        return (found[-1][0] if found else number), [line for _, line in found]
 
 
 PoseOf = Callable[[str], Pose2 | None]
@@ -152,6 +134,47 @@ def _rounded(value: Any) -> Any:
     return value
 
 
+SENT = "sent"
+"""Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""
+
+
+def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
+    """The newest goal of a robot and the status about it, of the goal that was sent last and of what the robot told
+    last; None if it has none."""
+    goal = sent.read(PoseStamped) if sent else None
+    status = told.read(NavigationStatus) if told else None
+    if status is None or told is None:
+        return None if goal is None else (goal, None)
+    if goal is not None and sent is not None and not is_same_goal(goal, status.goal):
+        # The robot may still speak of the goal before.
+        ahead = ns_from_time(status.header.stamp) - ns_from_time(goal.header.stamp)
+        if told.number < sent.number or -SETTLED < ahead < SETTLED:
+            return goal, None
+    return None if status.state == NavigationState.IDLE else (status.goal, status)
+
+
+def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> dict[str, Any]:
+    """A goal, whose frame's pose in `map` is `frame`: when it was sent (ns), metres and seconds that are left, and why
+    its robot does not get on, or has given up."""
+    row = {
+        "robot": robot_id, **frame.compose(pose2_of(goal.pose))._asdict(), "stamp": ns_from_time(goal.header.stamp),
+        "state": SENT, "distance": None, "seconds": None, "recoveries": 0, "text": "",
+    }  # fmt: skip
+    if status is not None:
+        row["state"] = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
+        row["recoveries"], row["text"] = status.recoveries, short(status.text)
+    if status is not None and status.state in ON_THE_WAY:
+        left = status.estimated_time_remaining
+        row["distance"] = round(status.distance_remaining, 1) or None
+        # In whole seconds: a document that says more would change with every status.
+        row["seconds"] = round(left.sec + left.nanosec / 1e9) or None
+    return row
+
+
+def _is_behavior(robot_id: int, status: NavigationStatus) -> bool:
+    return status.header.frame_id == names.robot_name(robot_id)
+
+
 S = TypeVar("S", Range, Fiducials)
 
 MAX_CHAIN = 16
@@ -169,25 +192,37 @@ class Documents:
         self._state = state
         self._read: dict[str, int] = {}
         self._board = MarkerBoard()
-        self._log = LogTail()
-        self._goals = Goals(state.received, state.queries.alive, lambda frame: state.places.pose_of(frame))
+        self._order = LogOrder(HOLD)
+        self._numbers = itertools.count(1)
+        self._lines: deque[tuple[int, dict[str, Any]]] = deque(maxlen=KEPT)
+        """Of logs, with their numbers."""
+        self._told: dict[int, Arrival] = {}
+        """By robot: the newest status of what takes its goals."""
+        self._gone: dict[int, float] = {}
+        """By robot: since when the process that drives to a goal is gone."""
         self._kept_log: Sequence[LogLine] | None = None
+        self.drawn: Mapping[str, Callable[[], bytes]] = {
+            "goals": self.goals, "obstacles": self.obstacles, "markers": self.markers, "sonars": self.sonars,
+            "fiducials": self.fiducials,
+        }  # fmt: skip
+        """Those of layers of the map."""
 
     def transforms(self) -> bytes:
         """`tf`: every frame in its parent."""
         places, known = self._state.places, self._state.queries.frames
         # The frames of a robot that was removed stay with this process.
         robots = None if self._state.queries.sim is None else {None, *self._state.robots()}
-        rows = [
-            _frame(
-                places.buffer.lookup_transform(info.parent, name, 0),
-                info.static,
-                known[name].authority if name in known else "",
-                places.stamp,
-            )
-            for name, info in places.buffer.frames().items()
-            if robots is None or names.robot_id_of(name.partition("/")[0]) in robots
-        ]
+        rows = []
+        for name, info in places.buffer.frames().items():
+            if robots is None or names.robot_id_of(name.partition("/")[0]) in robots:
+                found = places.buffer.lookup_transform(info.parent, name, 0)
+                place, turn = found.transform.translation, found.transform.rotation
+                age = 0.0 if info.static else to_seconds(places.stamp - ns_from_time(found.header.stamp))
+                rows.append({
+                    "name": name, "parent": info.parent, "x": round(place.x, 4), "y": round(place.y, 4),
+                    "z": round(place.z, 4), "yaw": round(yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w), 5),
+                    "static": info.static, "by": known[name].authority if name in known else "", "age": round(age, 3),
+                })  # fmt: skip
         return msgspec.json.encode({"frames": rows})
 
     @property
@@ -202,24 +237,54 @@ class Documents:
         return msgspec.json.encode(self._state.queries.topics)
 
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
-        """`log`: the number of the last line, and the lines after `number`."""
-        topic, now = names.log_key("*"), monotonic()
-        events = self._state.received.since(topic, self._read.get(topic, 0))
-        if events:
-            self._read[topic] = events[-1].number
-            self._log.take(list(_lines(events)), now)
-        kept = self._state.queries.kept_log
-        if kept is not self._kept_log:
+        """`log`: the number of the newest line of all processes, and the lines after `number`, in order of time: `time`
+        is in seconds since the Unix epoch."""
+        now = monotonic()
+        for event in self._since(names.log_key("*")):
+            process, message = names.process_of(event.key, names.LOG), event.read(Log)
+            if process is not None and message is not None:
+                self._order.take([line_of(process, message)], now)
+        if (kept := self._state.queries.kept_log) is not self._kept_log:
             self._kept_log = kept
-            self._log.take(kept or (), now)
-        return self._log.since(number, now)
+            self._order.take(kept or (), now)
+        for line in self._order.ready(now):
+            level, text = level_name(line.level), printable(line.text)
+            shown = {"time": line.time_ns / NS_PER_S, "process": line.process, "level": level, "text": text}
+            self._lines.append((next(self._numbers), shown))
+        found = [(n, line) for n, line in self._lines if n > number]
+        return (found[-1][0] if found else number), [line for _, line in found]
 
     def goals(self) -> bytes:
         """`goals`: the newest goal of each robot, in `map`, and what has become of it."""
-        sim = self._state.queries.sim
-        robots = self._state.robots() if sim is None else set(sim.robots)
-        rows = self._goals.rows(robots, monotonic())
-        return as_document([msgspec.structs.asdict(row) for row in rows if math.isfinite(row.x + row.y + row.yaw)])
+        sim, rows = self._state.queries.sim, []
+        for robot_id in sorted(self._state.robots() if sim is None else sim.robots):
+            sent = self._state.received.read(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
+            found = newest_goal(sent and sent[0], self._newest_told(robot_id))
+            frame = found and self._state.places.pose_of(found[0].header.frame_id or names.MAP_FRAME)
+            if found and frame:
+                row, status = goal_row(robot_id, *found, frame), found[1]
+                if status is not None and status.state in ON_THE_WAY:
+                    self._end_with_process(row, status, monotonic())
+                if math.isfinite(row["x"] + row["y"] + row["yaw"]):
+                    rows.append(row)
+        return as_document(rows)
+
+    def _newest_told(self, robot_id: int) -> Arrival | None:
+        found = self._state.received.read(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus)
+        if found is None:
+            self._told.pop(robot_id, None)
+        elif not (_is_behavior(robot_id, found[1]) and self._state.queries.alive(names.navigation_name(robot_id))):
+            # The header's frame tells a behaviour from navigation, which wins over it.
+            self._told[robot_id] = found[0]
+        return self._told.get(robot_id)
+
+    def _end_with_process(self, row: dict[str, Any], status: NavigationStatus, now: float) -> None:
+        robot_id = row["robot"]
+        name = (names.robot_name if _is_behavior(robot_id, status) else names.navigation_name)(robot_id)
+        if self._state.queries.alive(name):
+            self._gone.pop(robot_id, None)
+        elif now - self._gone.setdefault(robot_id, now) > GONE:
+            row["state"], row["text"] = "aborted", f"the process {name} is gone"
 
     def obstacles(self) -> bytes:
         """`obstacles`: those of the world that can be pushed, where they are now. The others are in the map."""
@@ -247,7 +312,8 @@ class Documents:
                 by_key[event.key].append(event.time)
             for key, times in sorted(by_key.items()):
                 if (kind := type_of_key(key)) is topic.kind and kind is not None:
-                    hz, age = rate_of(times, now), now - times[-1]
+                    recent, age = [time for time in times if now - time <= RATE_SPAN], now - times[-1]
+                    hz = rate_of(recent, RATE_SPAN)
                     yield {"topic": key, "type": kind.ros_type, "hz": round(hz, 1), "age": round(age, 1)}
 
     def markers(self) -> bytes:
@@ -281,15 +347,20 @@ class Documents:
                 yield robot_id, message, frame
 
     def _take_markers(self) -> None:
-        keys = self._state.drawables.keys("markers")
+        keys = self._state.drawables.of("markers")
         self._board.keep(keys)
         for key in keys:
-            for event in self._state.received.since(key, self._read.get(key, 0)):
-                self._read[key] = event.number
+            for event in self._since(key):
                 if (array := event.read(MarkerArray)) is not None:
                     self._board.take(key, array.markers, event.time)
                 elif (marker := event.read(Marker)) is not None:
                     self._board.take(key, [marker], event.time)
+
+    def _since(self, topic: str) -> Iterator[Arrival]:
+        """The kept messages of a topic that were not read before."""
+        for event in self._state.received.since(topic, self._read.get(topic, 0)):
+            self._read[topic] = event.number
+            yield event
 
     def echo(self, arrival: Arrival) -> bytes:
         """`echo`: a message of a topic."""
@@ -297,46 +368,15 @@ class Documents:
         return msgspec.json.encode({"topic": arrival.key, "stamp": stamp, "json": _shown(arrival)})
 
 
-def rate_of(times: Sequence[float], now: float) -> float:
-    """Messages a second, of those that came at these times: within `RATE_SPAN` before `now`, or since the first."""
-    recent = [time for time in times if now - time <= RATE_SPAN]
-    span = min(RATE_SPAN, now - times[0])
-    # The first one of all only begins the span.
-    count = len(recent) - (len(recent) == len(times))
-    return count / span if span > 0.0 else 0.0
-
-
-def _lines(events: list[Arrival]) -> Iterator[LogLine]:
-    for event in events:
-        process, message = names.process_of(event.key, names.LOG), event.read(Log)
-        if process is not None and message is not None:
-            yield line_of(process, message)
-
-
 def _shown(arrival: Arrival) -> Any:
-    content, kind = arrival.content, arrival.kind
+    content = arrival.content
     if isinstance(content, bytes):
-        if kind is None:
+        if arrival.kind is None:
             return f"{len(content)} bytes of {arrival.encoding or 'an unknown type'}"
         try:
-            content = decode(kind, content)
+            content = decode(arrival.kind, content)
         except DecodeError as error:
             return f"not readable: {error}"
     plain = to_plain(content)
     size = len(msgspec.json.encode(plain))
     return plain if size <= MAX_ECHO else f"a message of {size} bytes as JSON: too long to be shown"
-
-
-def _frame(transform: TransformStamped, fixed: bool, by: str, now: int) -> dict[str, Any]:
-    place, turn = transform.transform.translation, transform.transform.rotation
-    return {
-        "name": transform.child_frame_id,
-        "parent": transform.header.frame_id,
-        "x": round(place.x, 4),
-        "y": round(place.y, 4),
-        "z": round(place.z, 4),
-        "yaw": round(yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w), 5),
-        "static": fixed,
-        "by": by,
-        "age": 0.0 if fixed else round(to_seconds(now - ns_from_time(transform.header.stamp)), 3),
-    }

@@ -37,7 +37,7 @@ from zteam.messages.definitions import definition_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import find_status
-from zteam.view.connections import Front
+from zteam.view.connections import open_front
 from zteam.view.server import listen
 
 if TYPE_CHECKING:
@@ -83,16 +83,12 @@ def shown_keys(declarations: Iterable[Declaration]) -> dict[str, type[Message] |
     return found
 
 
-def _is_goal(key: str) -> bool:
-    target = names.split_robot_key(key)
-    return target is not None and target[1] == names.GOAL_POSE
-
-
 class _Shown:
     """One key, with its channel as soon as its type is known."""
 
-    def __init__(self, kind: type[Message] | None) -> None:
+    def __init__(self, key: str, kind: type[Message] | None) -> None:
         self.kind = kind
+        self.latched = type_of_key(key) is None or is_latched(key)
         self.channel: Channel | None = None
         self.clients: set[int] = set()
         self.handle: Closeable | None = None
@@ -106,94 +102,72 @@ class _Shown:
 class FoxgloveServer:
     """Runs on a thread of its own, from `start` until `close`.
 
-    Its clients' requests come on threads of the SDK, and messages on those of the bus. Both only note what came, and
-    hand messages on: the thread of this server makes all calls of the bus.
+    Its clients' requests come on threads of the SDK, and messages on those of the bus. They only note what came,
+    or hand messages on: the thread of this server makes all calls of the bus.
     """
 
     def __init__(self, node: ProcessNode, host: str, port: int) -> None:
         """Listen at `host`, at `port` or where that is taken at one of the next. Raises UsageError."""
-        from foxglove import Context
+        from foxglove import Context, start_server
+        from foxglove.websocket import Capability
 
         self._node, self._bus = node, node.bus
         self._context = Context()
         self._shown: dict[str, _Shown] = {}
-        self._last: dict[str, bytes] = {}
-        """The last message of each latched key that is subscribed to, and each robot's last goal."""
-        self._wakes = 0
+        self._woken = threading.Event()
         self._keys_due = Every(KEYS_PERIOD)
         self._clock: Closeable | None = None
         self._sim_time: int | None = None
         """Nanoseconds; None without a simulator."""
         self._told_time = 0
         listener, self.port = listen(host, port)
-        self._server = self._open()
-        # The SDK lets any number of connections wait, and closes its port for good when no descriptor is left.
-        self._front = Front(listener, ("127.0.0.1", self._server.port), node.fail)
-        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
-
-    def _open(self) -> Any:
-        """The server behind the front: only this host reaches it."""
-        from foxglove import start_server
-        from foxglove.websocket import Capability
-
         # What it says of each connection is of no use to a user; nor are its errors of each that is none of a viewer.
         logging.getLogger("foxglove").setLevel(logging.WARNING)
         logging.getLogger("foxglove.websocket").setLevel(logging.CRITICAL)
         # Of what else a client may ask nothing is offered, so it has no other method of a listener.
-        listener: Any = self
-        try:
-            return start_server(
-                name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=listener,
-                context=self._context,
-            )  # fmt: skip
-        except RuntimeError as error:
-            raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
+        requests: Any = self
+        # Only this host reaches it: the SDK lets any number of connections wait, and closes its port for good when no
+        # descriptor is left.
+        self._server = start_server(
+            name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=requests,
+            context=self._context,
+        )  # fmt: skip
+        self._close_front = open_front(listener, ("127.0.0.1", self._server.port), node.fail)
+        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
-        self._front.start()
 
     def close(self) -> None:
-        self._front.close()
+        self._woken.set()
+        self._close_front()
         self._server.stop()
         self._thread.join(1.0)
 
     # What clients ask for, by names that the SDK gives
 
     def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:
-        key = names.strip_slash(channel.topic)
-        with self._node.changed:
-            shown = self._shown.get(key)
-            if shown is not None:
-                shown.clients.add(client.id)
-                shown.is_late = True
-        self._wake()
+        if (shown := self._shown.get(names.strip_slash(channel.topic))) is not None:
+            shown.clients.add(client.id)
+            shown.is_late = True
+        self._woken.set()
 
     def on_unsubscribe(self, client: "Client", channel: "ChannelView") -> None:
         """A client looks no more at a topic, or has gone."""
-        with self._node.changed:
-            shown = self._shown.get(names.strip_slash(channel.topic))
-            if shown is not None:
-                shown.clients.discard(client.id)
-        self._wake()
-
-    def _wake(self) -> None:
-        with self._node.changed:
-            self._wakes += 1
-            self._node.changed.notify_all()
+        if (shown := self._shown.get(names.strip_slash(channel.topic))) is not None:
+            shown.clients.discard(client.id)
+        self._woken.set()
 
     # The team's side
 
     def _run(self) -> None:
         try:
-            # The bus keeps no goal for those that come late.
-            self._bus.subscribe_raw(names.all_robots_key(names.GOAL_POSE), self._on_goal)
             while not self._node.stopping:
-                wakes = self._wakes
+                self._woken.clear()
                 if self._keys_due.due():
                     self._match_keys(shown_keys(self._bus.declarations()))
                 self._match_subscriptions()
-                self._node.wait(lambda seen=wakes: self._wakes != seen, self._keys_due.left())  # type: ignore[misc]
+                self._woken.wait(self._keys_due.left())
         except BaseException as error:
             self._node.fail(error)
 
@@ -204,15 +178,10 @@ class FoxgloveServer:
             if shown.missed >= PATIENCE:
                 self._drop(key)
         for key in sorted(there.keys() - self._shown.keys())[: MAX_CHANNELS - len(self._shown)]:
-            shown = _Shown(there[key])
-            with self._node.changed:
-                self._shown[key] = shown
-            self._open_channel(key, shown)
+            self._shown[key] = _Shown(key, there[key])
 
     def _drop(self, key: str) -> None:
-        with self._node.changed:
-            shown = self._shown.pop(key)
-            self._last.pop(key, None)
+        shown = self._shown.pop(key)
         if shown.handle is not None:
             shown.handle.close()
         if shown.channel is not None:
@@ -238,53 +207,34 @@ class FoxgloveServer:
             self._clock = self._bus.subscribe(names.CLOCK, Clock, self._on_clock)
         for key, shown in self._shown.items():
             self._open_channel(key, shown)
-            if shown.is_late and shown.channel is not None:
-                shown.is_late = False
-                if (last := self._last.get(key)) is not None:
-                    # The others get it once more, and draw the same.
-                    self._show(shown.channel, last)
             # A key of unknown type is subscribed to until its first message.
             wanted = bool(shown.clients) or shown.kind is None
-            if wanted and shown.handle is None and not _is_goal(key):
-                shown.handle = self._subscribe(key, shown)
-            elif not wanted and shown.handle is not None:
-                shown.handle.close()
-                shown.handle = None
-                # Until the next client comes this is not the last one any more.
-                self._last.pop(key, None)
+            before, renews, shown.is_late = shown.handle, shown.is_late and shown.latched, False
+            if renews or wanted != (before is not None):
+                # A new subscription gets what is latched once more; the other clients draw the same.
+                shown.handle = self._subscribe(key, shown) if wanted else None
+                if before is not None:
+                    before.close()
         if not watched and self._clock is not None:
             self._clock.close()
             self._clock = self._sim_time = None
 
     def _subscribe(self, key: str, shown: _Shown) -> Closeable | None:
-        kind, latched = shown.kind, shown.kind is None or type_of_key(key) is None or is_latched(key)
-
         def take(sample: RawSample) -> None:
+            kind = type_of_encoding(sample.encoding)
             if shown.kind is None:
-                shown.kind = type_of_encoding(sample.encoding) or Message
-                self._wake()
-            if type_of_encoding(sample.encoding) not in (shown.kind, None):
-                return
-            data = sample.payload
-            if latched:
-                self._last[sample.key] = data
-            if shown.channel is not None:
-                self._show(shown.channel, data)
+                shown.kind, shown.is_late = kind or Message, True
+                self._woken.set()
+            elif kind in (shown.kind, None) and shown.channel is not None:
+                self._show(shown.channel, sample.payload)
 
         try:
             # With a type without time and source of each message, which cost most of a view's time.
-            return self._bus.subscribe_raw(key, take, latched=latched, only=None if latched else kind)
+            only = None if shown.latched else shown.kind
+            return self._bus.subscribe_raw(key, take, latched=shown.latched, only=only)
         except BusError as error:
             log.debug("%s", error)
             return None
-
-    def _on_goal(self, sample: RawSample) -> None:
-        data = sample.payload
-        with self._node.changed:
-            self._last[sample.key] = data
-            shown = self._shown.get(sample.key)
-        if shown is not None and shown.channel is not None:
-            self._show(shown.channel, data)
 
     def _on_clock(self, _key: str, message: Clock) -> None:
         self._sim_time = ns_from_time(message.clock)

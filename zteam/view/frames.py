@@ -106,8 +106,8 @@ def encode_tile(meta: Mapping[str, Any], cells: NDArray[np.int8]) -> bytes:
 
 
 def encode_path(key: str, points: NDArray[np.float64]) -> bytes:
-    """Points (n, 2) in `map`, in metres."""
-    return _numbers(PATH, {"key": key}, points, "<f4")
+    """Points in `map`, in metres: the first two columns."""
+    return _numbers(PATH, {"key": key}, points[:, :2], "<f4")
 
 
 def encode_pose_array(key: str, poses: NDArray[np.float64]) -> bytes:

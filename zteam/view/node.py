@@ -18,7 +18,7 @@ from zteam.errors import DecodeError, UsageError
 from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
-from zteam.view import rights
+from zteam.view.connections import is_loopback, make_token
 from zteam.view.foxglove import serve_foxglove, write_layout
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView
@@ -33,11 +33,11 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     if options.foxglove_layout is not None:
         write_layout(node, options.foxglove_layout, show)
         return
-    token, layout = options.token or rights.make_token(), read_layout(options.layout)
+    token, layout = options.token or make_token(), read_layout(options.layout)
     listener, port = listen(options.host, options.port)
     if options.port and port != options.port:
         log.warning("port %d is taken: the view is at port %d", options.port, port)
-    is_open = not options.public_url and not rights.is_loopback(options.host)
+    is_open = not options.public_url and not is_loopback(options.host)
     if is_open:
         log.warning(
             "the view listens at %s: every browser that reaches this machine may watch; commands need the token",

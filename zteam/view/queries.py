@@ -25,21 +25,10 @@ from zteam.node.log_client import kept_lines
 from zteam.node.logs import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.robot.client import DESCRIBE, DescribeReply, find_lists
-from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
+from zteam.simulator.client import ObstaclesReply, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
-
-
-class TopicRow(msgspec.Struct):
-    """One key."""
-
-    key: str
-    type: str = ""
-    hz: float | None = None
-    publishers: int = 0
-    subscribers: int = 0
-
 
 Counts = Mapping[str, Mapping[str, int]]
 """How many messages of each key each process has received, by process, then by key."""
@@ -54,17 +43,19 @@ def rates(before: Counts, after: Counts, seconds: float) -> dict[str, float]:
     return found
 
 
-def topic_rows(declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
+def topic_rows(
+    declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]
+) -> list[dict[str, Any]]:
     """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
     graph = Graph(declarations)
     return [
-        TopicRow(
-            key,
-            ros_type_of(key),
-            round(hz[key], 1) if key in hz else None,
-            publishers=len(graph.sessions(key, publishes=True)),
-            subscribers=len(graph.sessions(key, publishes=False)),
-        )
+        {
+            "key": key,
+            "type": ros_type_of(key),
+            "hz": round(hz[key], 1) if key in hz else None,
+            "publishers": len(graph.sessions(key, publishes=True)),
+            "subscribers": len(graph.sessions(key, publishes=False)),
+        }
         for key in graph.known_keys(robots)
     ]
 
@@ -84,7 +75,7 @@ class TeamQueries:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
     def __init__(self, node: ProcessNode, received: Received, on_news: Callable[[], None]) -> None:
-        self._node, self._bus, self._received, self._on_news = node, node.bus, received, on_news
+        self._bus, self._received, self._on_news = node.bus, received, on_news
         self.team = TeamObserver(self._bus)
         self.alive, self.names = self.team.alive, self.team.process_names
         self._is_wanted = False
@@ -94,7 +85,7 @@ class TeamQueries:
         self._shapes_of: Any = None
         self.declarations: list[Declaration] = []
         """Of the other sessions."""
-        self.topics: list[TopicRow] | None = None
+        self.topics: list[dict[str, Any]] | None = None
         """None before the first look."""
         self._counts: Counts = {}
         self._counted = 0.0
@@ -112,15 +103,8 @@ class TeamQueries:
         self._opened = 0
         self._begun = 0.0
         """Host time at which the first page came."""
-        for event in (LINK, PRESENCE):
-            self.team.on(event, self._on_change)
-        for topic in (names.STATUS, names.TEAM_STATUS):
-            self.team.on(topic, lambda *_: on_news())
-
-    def _on_change(self, *_: object) -> None:
-        with self._node.changed:
-            self._node.changed.notify_all()
-        self._on_news()
+        for event in (LINK, PRESENCE, names.STATUS, names.TEAM_STATUS):
+            self.team.on(event, lambda *_: on_news())
 
     def watch(self, wanted: bool) -> None:
         """Whether some page is open."""
@@ -186,25 +170,15 @@ class TeamQueries:
         if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
             self.obstacles = self._first("obstacles", ObstaclesReply)
 
-    def sample(self, scans_of: Collection[int], *, transforms: bool) -> None:
-        """Take the newest scans of these robots, and the newest transforms; the caller waits for the answers."""
-        if scans_of:
-            request = ScansRequest(sorted(scans_of))
-            for _, reply in self._ask(names.service_key(names.SIMULATOR, "scans"), ScansReply, request):
-                for scan in reply.scans:
-                    self._received.take(scan.key, scan.content)
-        # After the scans, so that it is known where their robots were.
-        if transforms:
-            for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                self._received.take(names.TF, bundle.content)
-
     def _ask_for_repeat(self, opened: int) -> None:
         """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
         sim, missed = self.sim, opened != self._opened
         self._opened = opened
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
             # The aggregator does not send a tick's bundle twice.
-            self.sample((), transforms=self._received.get(names.TF) is None)
+            if self._received.get(names.TF) is None:
+                for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
+                    self._received.take(names.TF, bundle.content)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
 
     def _ask_counts(self) -> None:
@@ -228,17 +202,10 @@ _MOST = 500
 """Findings that a page gets: a hostile team may cause any number."""
 
 
-class Examination(msgspec.Struct):
-    """The document `doctor`."""
-
-    running: bool = False
-    """Whether it is being made anew."""
-    time: float = 0.0
-    """When it was made, seconds since the Unix epoch; 0: not yet."""
-    findings: Sequence[Finding] = ()
-    """As `zteam doctor --json` prints them."""
-    error: str = ""
-    """Why there are none."""
+def _examination(findings: Sequence[Finding] = (), error: str = "", time: float = 0.0) -> dict[str, Any]:
+    """The document `doctor`: when it was made, in seconds since the Unix epoch, the findings as `zteam doctor --json`
+    prints them, or why there are none."""
+    return {"time": time, "findings": findings, "error": error}
 
 
 class Diagnosis:
@@ -249,14 +216,14 @@ class Diagnosis:
         """`options` is how to reach the team; None for a bus in memory, which no other session can join."""
         self._options, self._on_news = options, on_news
         self._lock = threading.Lock()
-        self._wanted = False
-        self._found = Examination()
+        self._wanted = self._runs = False
         self._begun = float("-inf")
         """Host time of the newest run."""
+        self._found = _examination()
 
     @property
     def document(self) -> bytes:
-        return msgspec.json.encode(self._found)
+        return msgspec.json.encode({**self._found, "running": self._runs})
 
     def want(self, wanted: bool) -> None:
         """Whether some page shows it: it is made when the first one begins to, unless it is fresh."""
@@ -267,24 +234,20 @@ class Diagnosis:
     def start(self) -> None:
         """Make it anew, unless that goes on already."""
         with self._lock:
-            if self._found.running:
-                return
             if self._options is None:
-                self._found = Examination(error="the team is in one process, which no other one can look at")
-                return
-            self._begun = monotonic()
-            self._found = msgspec.structs.replace(self._found, running=True)
-            threading.Thread(target=self._run, args=(self._options,), name="doctor", daemon=True).start()
+                self._found = _examination(error="the team is in one process, which no other one can look at")
+            elif not self._runs:
+                self._runs, self._begun = True, monotonic()
+                threading.Thread(target=self._run, args=(self._options,), name="doctor", daemon=True).start()
 
     def _run(self, options: BusOptions) -> None:
-        found = Examination()
         try:
-            found.findings, found.time = examine(options)[:_MOST], wall_ns() / 1e9
+            self._found = _examination(examine(options)[:_MOST], time=wall_ns() / 1e9)
         except ZteamError as error:
-            found.error = f"{error}: try 'zteam doctor' in a terminal"
+            self._found = _examination(error=f"{error}: try 'zteam doctor' in a terminal")
         except Exception as error:
             # What it judges comes from a team, which may be hostile: the view goes on.
             log.exception("doctor")
-            found.error = f"the examination failed: {error!r:.1000}"
-        self._found = found
+            self._found = _examination(error=f"the examination failed: {error!r:.1000}")
+        self._runs = False
         self._on_news()

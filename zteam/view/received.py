@@ -7,6 +7,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple, TypeVar
 
+import msgspec
+
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.transport import Closeable, RawSample
@@ -38,11 +40,12 @@ from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 M = TypeVar("M", bound=Message)
 
 
-class Arrival(NamedTuple):
+class Arrival(msgspec.Struct, eq=False):
     """One message."""
 
     key: str
     content: bytes | Message
+    """Its bytes, until it is read; then the message, for all readers."""
     number: int
     """Grows with every message of any key."""
     time: float
@@ -59,14 +62,15 @@ class Arrival(NamedTuple):
 
     def read(self, kind: type[M]) -> M | None:
         """The message; None if it is none of this type."""
-        if isinstance(self.content, Message):
-            return self.content if isinstance(self.content, kind) else None
-        if type_of_encoding(self.encoding) not in (kind, None):
-            return None
-        try:
-            return decode(kind, self.content)
-        except DecodeError:
-            return None
+        content = self.content
+        if not isinstance(content, Message):
+            if type_of_encoding(self.encoding) not in (kind, None):
+                return None
+            try:
+                content = self.content = decode(kind, content)
+            except DecodeError:
+                return None
+        return content if isinstance(content, kind) else None
 
 
 KEPT = 2000
@@ -89,43 +93,31 @@ class Received:
         self._newest: dict[str, Arrival] = {}
         self._kept: dict[str, deque[Arrival]] = {}
 
-    def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
+    def take(self, key: str, content: bytes | Message, encoding: str = "", *, topic: str = "") -> None:
+        """A message came; by the subscription to `topic` if each message of that counts."""
         with self._lock:
-            self._newest[key] = self._arrival(key, content, encoding)
+            self.number += 1
+            arrival = Arrival(key, content, self.number, monotonic(), encoding)
+            if not topic:
+                self._newest[key] = arrival
+            else:
+                kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
+                kept.append(arrival)
+                # The messages of a topic are of about one size.
+                size = len(content) if isinstance(content, bytes) else 0
+                while len(kept) > 1 and len(kept) * size > KEPT_BYTES:
+                    kept.popleft()
         self._on_news()
-
-    def keep(self, topic: str, key: str, content: bytes | Message, encoding: str = "") -> None:
-        """A message came on `key`, by the subscription to `topic`, of which each counts."""
-        with self._lock:
-            kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
-            kept.append(self._arrival(key, content, encoding))
-            # The messages of a topic are of about one size.
-            size = len(content) if isinstance(content, bytes) else 0
-            while len(kept) > 1 and len(kept) * size > KEPT_BYTES:
-                kept.popleft()
-        self._on_news()
-
-    def _arrival(self, key: str, content: bytes | Message, encoding: str) -> Arrival:
-        self.number += 1
-        return Arrival(key, content, self.number, monotonic(), encoding)
 
     def get(self, key: str) -> Arrival | None:
         """The newest of a key; None before the first."""
         return self._newest.get(key)
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
-        """The newest of a key, decoded once for all readers; None without one of this type."""
+        """The newest of a key, and its message; None without one of this type."""
         arrival = self._newest.get(key)
-        message = arrival and arrival.read(kind)
-        if arrival is None or message is None:
-            return None
-        if message is not arrival.content:
-            decoded = arrival._replace(content=message)
-            with self._lock:
-                if self._newest.get(key) is arrival:
-                    self._newest[key] = decoded
-            arrival = decoded
-        return arrival, message
+        message = arrival.read(kind) if arrival else None
+        return None if arrival is None or message is None else (arrival, message)
 
     def newest(self) -> list[Arrival]:
         with self._lock:
@@ -197,7 +189,7 @@ class Subscriptions:
 
     def _subscribe(self, topic: Topic) -> Closeable:
         received = self._received
-        take: Callable[..., None] = partial(received.keep, topic.key) if topic.every else received.take
+        take: Callable[..., None] = partial(received.take, topic=topic.key) if topic.every else received.take
 
         def on_sample(sample: RawSample) -> None:
             take(sample.key, sample.content, sample.encoding)
@@ -217,34 +209,26 @@ LAYERS: Mapping[str, tuple[type[Message], ...]] = {
 MAX_KEYS = 1024
 
 
-class Drawables:
-    """The keys that other processes publish, and their types as far as known."""
+class Drawables(dict[str, type[Message] | None]):
+    """The keys that other processes publish, sorted, with their types; None until a first message has told."""
 
-    def __init__(self, received: Received) -> None:
-        self._received = received
-        self._kinds: dict[str, type[Message] | None] = {}
-        """None: not known yet, a first message will tell. `Message`: nothing that is drawn."""
+    def __init__(self, published: Iterable[str], received: Received) -> None:
+        """`received` has the first messages."""
+        keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP and key[0] != "@"}
+        for key in sorted(keys)[:MAX_KEYS]:
+            self[key] = type_of_key(key)
+            if self[key] is None and (arrival := received.get(key)) is not None:
+                self[key] = type_of_encoding(arrival.encoding) or Message
 
-    def take_keys(self, published: Iterable[str]) -> None:
-        keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP}
-        # Replaced as a whole: other threads read it meanwhile.
-        kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
-        for key in sorted(keys - kinds.keys())[: MAX_KEYS - len(kinds)]:
-            kinds[key] = Message if key.startswith("@") else type_of_key(key)
-        for key in [key for key, kind in kinds.items() if kind is None]:
-            if (arrival := self._received.get(key)) is not None:
-                kinds[key] = type_of_encoding(arrival.encoding) or Message
-        self._kinds = kinds
-
-    def keys(self, layer: str) -> list[str]:
-        return sorted(key for key, kind in self._kinds.items() if kind in LAYERS[layer])
+    def of(self, layer: str) -> list[str]:
+        return [key for key, kind in self.items() if kind in LAYERS[layer]]
 
     def topics(self, layers: Collection[str]) -> set[Topic]:
         """What to subscribe to for these layers; a key of unknown type until its first message."""
         chosen = [kind for layer in layers for kind in LAYERS.get(layer, ())]
         return {
             Topic(key, latched=True, every=kind in (Marker, MarkerArray))
-            for key, kind in self._kinds.items()
+            for key, kind in self.items()
             if chosen and (kind is None or kind in chosen)
         }
 
@@ -263,8 +247,8 @@ class Viewer:
     def __init__(self, number: int, may_command: bool) -> None:
         self.number, self.may_command = number, may_command
         self.look = Look()
-        self.watches: dict[Watch, int] = {}
-        """What it watches, with the number of the newest message that it has of it."""
+        self.watches: dict[tuple[str, str], int] = {}
+        """The topics and fields that it watches, with the number of the newest message that it has of each."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
         self.log_number = 0
@@ -296,9 +280,11 @@ class Viewer:
             self._acknowledged = max(ack.frame, self._acknowledged)
 
     def take_watch(self, watch: Watch) -> None:
-        """It watches a topic from now on, unless it watches too many."""
-        if len(self.watches) < MAX_WATCHES:
-            self.watches.setdefault(watch, 0)
+        """It watches a topic or field from now on, unless it watches too many, or no more."""
+        if watch.op == "unwatch":
+            self.watches.pop((watch.topic, watch.field), None)
+        elif len(self.watches) < MAX_WATCHES:
+            self.watches.setdefault((watch.topic, watch.field), 0)
 
     def next_frame(self, now: float) -> int:
         """Count a frame that is sent now; its number."""
@@ -326,6 +312,12 @@ def sensor_topics(robot_id: int) -> set[Topic]:
     }
 
 
+SENSED: Mapping[str, tuple[str, type[Message]]] = {
+    "scans": (names.all_numbered(names.BASE_SCAN), LaserScan),
+    "sonars": (names.all_numbered(names.SONAR), Range),
+    "fiducials": (names.FIDUCIALS, Fiducials),
+}
+"""What the layers of sensors show of each robot in sight."""
 MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
 
@@ -346,20 +338,18 @@ def topics_of(
     drawables: Drawables,
     *,
     aggregator: bool,
-    sampled: Collection[int] | None = None,
     truth_of: Collection[int] = (),
 ) -> set[Topic]:
     """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's.
 
     What localisers say of the robots `truth_of` is compared with the simulator's own.
-    The scans of the robots `sampled` and the transforms are asked for now and then, unless it is None.
     """
     if not viewers:
         return set()
     wanted = {*TEAM}
     if not aggregator:
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
-    elif sampled is None:
+    else:
         wanted.add(Topic(names.TF, TFMessage))
         wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
     for viewer in viewers:
@@ -368,7 +358,7 @@ def topics_of(
         if viewer.inspected is not None:
             wanted |= sensor_topics(viewer.inspected)
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
-        wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
+        wanted |= {Topic(topic, latched=not field, every=bool(field)) for topic, field in viewer.watches}
         if "log" in viewer.look.docs:
             wanted.add(Topic(names.log_key("*"), Log, every=True))
         if "goals" in layers:
@@ -376,17 +366,9 @@ def topics_of(
             wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))
         if "costs" in layers:
             wanted |= {Topic(names.robot_key(i, names.GLOBAL_COSTMAP), latched=True) for i in viewer.look.selected}
-        robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
-        if "scans" in layers:
-            wanted |= {
-                Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan)
-                for i in robots
-                if i not in (sampled or ())
-            }
-        if "sonars" in layers:
-            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
-        if "fiducials" in layers:
-            wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), Fiducials) for i in robots}
+        for layer in layers & SENSED.keys():
+            topic, kind = SENSED[layer]
+            wanted |= {Topic(names.robot_key(i, topic), kind) for i in robots_in_sight(viewer, poses)}
     return wanted
 
 
@@ -404,9 +386,3 @@ def _distance(viewer: Viewer, pose: Pose2) -> float:
     if not view:
         return 0.0
     return abs(pose.x - (view[0] + view[2]) / 2) + abs(pose.y - (view[1] + view[3]) / 2)
-
-
-def scanned_robots(viewers: Collection[Viewer], poses: Mapping[int, Pose2]) -> set[int]:
-    """The robots whose scans some page is shown."""
-    shown = [viewer for viewer in viewers if "scans" in viewer.look.layers]
-    return {robot_id for viewer in shown for robot_id in robots_in_sight(viewer, poses)}

@@ -1,5 +1,6 @@
 """What a page says: one JSON object each, and what is wrong with it. Pure."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import msgspec
@@ -25,30 +26,33 @@ Robots = Annotated[list[RobotId], msgspec.Meta(max_length=1024)]
 Speed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
 
 
-class Request(msgspec.Struct, tag_field="op", forbid_unknown_fields=True, frozen=True):
-    """Base of all: `op` says which it is."""
+class Request(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Base of all."""
+
+    op: str = ""
+    """Which one of KINDS it is."""
 
 
-class Hello(Request, tag="hello", frozen=True):
+class Hello(Request, frozen=True):
     """The first one. Without the token the page may watch, not command."""
 
     version: int
     token: Text = ""
 
 
-class Token(Request, tag="token", frozen=True):
+class Token(Request, frozen=True):
     """A token that the page learnt after its `hello`. It is answered by `rights`."""
 
     token: Text
 
 
-class Ack(Request, tag="ack", frozen=True):
+class Ack(Request, frozen=True):
     """The page has taken frame `frame`: it may be sent the next one."""
 
     frame: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 
-class Look(Request, tag="look", frozen=True):
+class Look(Request, frozen=True):
     """What the page shows now."""
 
     viewport: Annotated[list[Place], msgspec.Meta(max_length=4)] = []
@@ -65,8 +69,8 @@ class Look(Request, tag="look", frozen=True):
             raise ValueError("a viewport has four numbers: xmin, ymin, xmax, ymax")
 
 
-class Watch(Request, tag="watch", frozen=True):
-    """Send the newest message of a topic, or with `field` each value of that field."""
+class Watch(Request, frozen=True):
+    """`watch`: send the newest message of a topic, or with `field` each value of that field, until `unwatch`."""
 
     topic: Text
     field: Text = ""
@@ -77,75 +81,7 @@ class Watch(Request, tag="watch", frozen=True):
             raise ValueError(f"a page watches single topics, not {self.topic!r}")
 
 
-class Unwatch(Request, tag="unwatch", frozen=True):
-    """The end of a `watch`."""
-
-    topic: Text
-    field: Text = ""
-
-
-class Command(Request, frozen=True):
-    """Needs the token, and is answered under its number."""
-
-    seq: Seq
-
-
-class OfRobot(Command, frozen=True):
-    """Base of the commands for one robot."""
-
-    robot: RobotId
-
-
-class Placed(OfRobot, frozen=True):
-    """Base of the commands that say where a robot is: x, y (m), yaw (rad) in `map`."""
-
-    x: Place
-    y: Place
-    yaw: Place
-
-
-class Goal(Command, tag="goal", frozen=True):
-    """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
-
-    robots: Robots
-    x: Place
-    y: Place
-    yaw: Place
-
-
-class StopRobots(Command, tag="stop_robots", frozen=True):
-    """Stop all robots until they are released. It needs no token: each page that watches may stop."""
-
-
-class ReleaseRobots(Command, tag="release_robots", frozen=True):
-    """Release all robots."""
-
-
-class CancelGoals(Command, tag="cancel", frozen=True):
-    """Give up the goals of these robots: they stop."""
-
-    robots: Robots
-    pauses: bool = False
-    """Whether all lists of goals (`zteam goals`) are paused too: no robot gets its next goal."""
-
-
-class ResumeLists(Command, tag="resume_lists", frozen=True):
-    """Go on with all lists of goals."""
-
-
-class InitialPose(Placed, tag="initialpose", frozen=True):
-    """Tell a robot's localisation where it is."""
-
-
-class Take(OfRobot, tag="take", frozen=True):
-    """Ask for the lease of a robot, to drive it."""
-
-
-class Release(OfRobot, tag="release", frozen=True):
-    """Give the lease back: the robot stops."""
-
-
-class Drive(Request, tag="drive", frozen=True):
+class Drive(Request, frozen=True):
     """Velocities (m/s, rad/s) for the robot whose lease the page has."""
 
     robot: RobotId
@@ -155,31 +91,56 @@ class Drive(Request, tag="drive", frozen=True):
     """m/s to the left, for bases that can."""
 
 
-class Pause(Command, tag="pause", frozen=True):
-    """`sim/pause`."""
+class Command(Request, frozen=True):
+    """Needs the token, unless it is `stop_robots`, and is answered under its number."""
+
+    seq: Seq
 
 
-class Resume(Command, tag="resume", frozen=True):
-    """`sim/resume`."""
+class OfRobot(Command, frozen=True):
+    """One robot is commanded. `take`: the page asks for its lease, to drive it; `release` gives that back."""
+
+    robot: RobotId
 
 
-class Step(Command, tag="step", frozen=True):
+class Placed(OfRobot, frozen=True):
+    """Where a robot is, x, y (m), yaw (rad) in `map`: in the world (`move`), or for its localiser (`initialpose`)."""
+
+    x: Place
+    y: Place
+    yaw: Place
+
+
+class Goal(Command, frozen=True):
+    """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
+
+    robots: Robots
+    x: Place
+    y: Place
+    yaw: Place
+
+
+class CancelGoals(Command, frozen=True):
+    """Give up the goals of these robots: they stop."""
+
+    robots: Robots
+    pauses: bool = False
+    """Whether all lists of goals (`zteam goals`) are paused too: no robot gets its next goal."""
+
+
+class Step(Command, frozen=True):
     """`sim/step`."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
 
 
-class SetSpeed(Command, tag="speed", frozen=True):
+class SetSpeed(Command, frozen=True):
     """`sim/speed`; 0: as fast as possible."""
 
     factor: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SPEED)]
 
 
-class Reset(Command, tag="reset", frozen=True):
-    """`sim/reset`."""
-
-
-class Spawn(Command, tag="spawn", frozen=True):
+class Spawn(Command, frozen=True):
     """`sim/spawn`, and `up/start` for the new robot if there is a `behavior`."""
 
     model: Text
@@ -189,15 +150,7 @@ class Spawn(Command, tag="spawn", frozen=True):
     behavior: Text = ""
 
 
-class Remove(OfRobot, tag="remove", frozen=True):
-    """`sim/remove`."""
-
-
-class Move(Placed, tag="move", frozen=True):
-    """`sim/move`."""
-
-
-class SetParameter(OfRobot, tag="parameter", frozen=True):
+class SetParameter(OfRobot, frozen=True):
     """Give a parameter of the robot's behaviour another value."""
 
     name: Text
@@ -205,33 +158,36 @@ class SetParameter(OfRobot, tag="parameter", frozen=True):
     """As in a team file: 0.4, true, text, [1, 2]."""
 
 
-class Start(OfRobot, tag="start", frozen=True):
+class Start(OfRobot, frozen=True):
     """`up/start`: have the launcher start the robot's process with a behaviour."""
 
     behavior: Text
 
 
-class Examine(Command, tag="doctor", frozen=True):
-    """Make the document `doctor` anew."""
+KINDS: Mapping[str, type[Request]] = {
+    "hello": Hello, "token": Token, "ack": Ack, "look": Look, "watch": Watch, "unwatch": Watch, "drive": Drive,
+    "stop_robots": Command, "release_robots": Command, "take": OfRobot, "release": OfRobot,
+    "goal": Goal, "cancel": CancelGoals, "resume_lists": Command, "initialpose": Placed,
+    "pause": Command, "resume": Command, "step": Step, "speed": SetSpeed, "reset": Command,
+    "spawn": Spawn, "remove": OfRobot, "move": Placed, "start": Start, "parameter": SetParameter, "doctor": Command,
+}  # fmt: skip
+"""Those without a field of their own are named as the queries that they ask: `sim/pause`, `sim/reset`."""
 
 
-AnyRequest = (
-    Hello | Token | Ack | Look | Watch | Unwatch | Goal | CancelGoals | ResumeLists | InitialPose | Take | Release
-    | Drive | StopRobots | ReleaseRobots
-    | Pause | Resume | Step | SetSpeed | Reset | Spawn | Remove | Move | SetParameter | Examine | Start
-)  # fmt: skip
-
-_DECODER = msgspec.json.Decoder(AnyRequest)
+class _Op(msgspec.Struct):
+    op: str
 
 
-def decode_request(text: str | bytes) -> AnyRequest:
+def decode_request(text: str | bytes) -> Request:
     """The request in a message of the page. Raises DecodeError that says what is wrong."""
     if len(text) > MAX_BYTES:
         raise DecodeError(f"a message of {len(text)} bytes: at most {MAX_BYTES} are taken")
     try:
-        request: AnyRequest = _DECODER.decode(text)
+        op = msgspec.json.decode(text, type=_Op).op
+        if op not in KINDS:
+            raise DecodeError(f"{op!r:.40} is no message of a page")
+        return msgspec.json.decode(text, type=KINDS[op])
     except (msgspec.DecodeError, UnicodeError) as error:
         raise DecodeError(str(error)) from None
     except RecursionError:
         raise DecodeError("it is nested too deeply") from None
-    return request

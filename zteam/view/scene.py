@@ -5,7 +5,8 @@ import shlex
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import msgspec
 
@@ -41,191 +42,100 @@ Outlines = dict[bytes, int]
 """The place in a list of each different outline, as JSON: robots of a kind have one, and a page reads it once."""
 
 
-class RobotRow(msgspec.Struct):
-    """One robot, as the monitor's table shows it, with its body."""
-
-    id: int
-    name: str
-    model: str = ""
-    outline: int = -1
-    """Its place in the document's `outlines`; -1: not known."""
-    state: str = "absent"
-    behavior: str = ""
-    driver: str = ""
-    reason: str = ""
-    leader: int = -1
-    speed: float | None = None
-    age: float | None = None
-    lease: int | None = None
-    """The viewer that drives it."""
-    localised: bool = True
-    """False: it is lost (`zteam.config.localisation`)."""
-    truth: list[float] | None = None
-    """Where it is, x, y, yaw in `map`, where that is known and far from where it takes itself to be."""
-    present: bool = False
-    """Whether the world has it, or without a simulator its base or process is there."""
-    stopped: bool = False
-    """Whether `zteam stop` holds it."""
-    unheld: bool = False
-    """Whether nothing would hold it: it is a real base without a robot process."""
-
-
-class Waiting(msgspec.Struct):
-    """A robot that GO waits for."""
-
-    id: int
-    reason: str = ""
-
-
-class GateRow(msgspec.Struct):
-    """The start gate."""
-
-    state: str = "waiting"
-    text: str = ""
-    waiting_for: list[Waiting] = []
-
-
-class SimRow(msgspec.Struct):
-    """The simulator."""
-
-    present: bool = False
-    state: str = ""
-    speed: float | None = None
-    rtf: float = 0.0
-    lockstep: bool = False
-    waits_for: str = ""
-    models: list[str] = []
-    tick: int = 0
-
-
-class TeamDocument(msgspec.Struct):
-    """What the page gets as `team`."""
-
-    robots: list[RobotRow] = []
-    outlines: list[msgspec.Raw] = []
-    """Polygons in metres, in `base_footprint`."""
-    gate: GateRow = msgspec.field(default_factory=GateRow)
-    sim: SimRow = msgspec.field(default_factory=SimRow)
-    router: bool = True
-    viewers: int = 0
-    namespace: str = ""
-    behaviors: list[str] = []
-    """Those that a robot can be started with: zteam knows them, and they need no parameters."""
-    launcher: bool = False
-    """Whether there is one, which starts robots (`up/start`)."""
-    options: str = ""
-    """What a command that is typed needs to find the team, such as ` --connect tcp/10.0.0.2:7447`."""
-    loading: bool = False
-    """Whether a simulator or robots that are here may not have been heard yet."""
-    lists: dict[int, bool] = {}
-    """By robot that drives through a list of goals: whether the list is paused."""
-
-
 def robot_row(
-    robot_id: int,
-    outlines: Outlines,
-    *,
-    present: bool,
-    alive: bool = False,
-    status: RobotStatus | None = None,
-    age: float = 0.0,
-    base: BaseInfo | None = None,
-    shape: RobotShape | None = None,
-    lease: int | None = None,
-) -> RobotRow:
+    robot_id: int, outlines: Outlines, *, present: bool, alive: bool = False, status: RobotStatus | None = None,
+    age: float = 0.0, base: BaseInfo | None = None, shape: RobotShape | None = None, lease: int | None = None,
+    sim: SimStatus | None = None, processes: Sequence[str] = (), amcl: PoseWithCovarianceStamped | None = None,
+    places: tuple[Pose2, Pose2] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """A robot's row: whether a process holds its name, its newest status and how old that is (host seconds), its base,
-    its shape as the simulator tells it, and the viewer that drives it."""
-    row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=lease)
-    outline: Sequence[object] = ()
+    its shape as the simulator tells it, the viewer that drives it, the names of its processes, the estimate of its
+    localiser, and where it is and takes itself to be. `present`: the world has it, or without a simulator its base or
+    process is there."""
+    model, polygons = "", list[Any]()
     if shape is not None:
-        row.model, outline = shape.model, shape.outline
+        model, polygons = shape.model, shape.outline
     elif base is not None:
-        row.model, outline = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
-    if outline:
-        row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
+        model, polygons = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
+    state, reason = _state_of(status, present=present, alive=alive, age=age)
+    speed = round(status.speed, 3) if status is not None and alive else None
+    if sim is not None and not present:
+        reason = f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"
+    elif sim is not None and speed is not None and (sim.finished or sim.paused):
+        reason = "the run is over" if sim.finished else "the world is paused"
+    truth, lost = _find_lost(amcl, places)
+    stops = (sim is not None and robot_id in sim.stopped) or (status is not None and alive and status.is_stopped)
+    return {
+        "id": robot_id, "name": names.robot_name(robot_id), "model": model, "present": present, "state": state,
+        # Its place in the list of outlines; -1: not known.
+        "outline": outlines.setdefault(msgspec.json.encode(polygons), len(outlines)) if polygons else -1,
+        "behavior": short(status.behavior) if status else "", "leader": status.followed if status else -1,
+        "driver": "" if status is None else short(status.driver) if alive else RobotDriver.NONE,
+        "reason": " · ".join(filter(None, (lost, reason))), "speed": speed, "age": round(age, 2) if status else None,
+        "lease": lease, "localised": not lost, "truth": truth, "stopped": stops,
+        # Nothing would hold a real base without a robot process.
+        "unheld": sim is None and present and not alive,
+    }  # fmt: skip
+
+
+def _state_of(status: RobotStatus | None, *, present: bool, alive: bool, age: float) -> tuple[str, str]:
+    """A robot's state as the monitor names it, and why it stands."""
     if status is None:
-        if present and not alive:
-            row.state, row.reason = "undriven", "drive it, or start one"
-        else:
-            row.reason = "no status yet" if alive else "no process"
-        return row
-    row.behavior, row.driver, row.leader = short(status.behavior), short(status.driver), status.followed
-    row.age = round(age, 2)
+        is_undriven = present and not alive
+        reason = "drive it, or start one" if is_undriven else "no status yet" if alive else "no process"
+        return "undriven" if is_undriven else "absent", reason
     if not alive:
-        row.state = "stopped" if status.state == RobotState.STOPPED else "lost"
-        row.driver, row.reason = RobotDriver.NONE, "its process is gone"
-        return row
-    row.speed = round(status.speed, 3)
+        return "stopped" if status.state == RobotState.STOPPED else "lost", "its process is gone"
     if age > SILENT_AFTER:
-        row.state, row.reason = "silent", "does not answer"
-        return row
-    row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
-    row.reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
-    if not row.speed and not row.reason:
-        row.reason = "turns, or drives sideways"
-    return row
+        return "silent", "does not answer"
+    reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    if not reason and not round(status.speed, 3):
+        reason = "turns, or drives sideways"
+    return RobotState.TEXT[min(status.state, RobotState.FAULT)], reason
 
 
-def add_circumstances(
-    row: RobotRow, sim: SimStatus | None, processes: Sequence[str], amcl: PoseWithCovarianceStamped | None,
-    places: tuple[Pose2, Pose2] | None,
-) -> None:  # fmt: skip
-    """Add what the robot's own status does not tell: that its world stands, or is without it; that it is lost.
-
-    `places`: where it is, and where it takes itself to be."""
-    told = [row.reason]
-    if sim is not None and not row.present:
-        told = [f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"]
-    elif sim is not None and row.speed is not None and (sim.finished or sim.paused):
-        told = ["the run is over" if sim.finished else "the world is paused"]
-    wide = math.sqrt(max(0.0, *amcl.pose.covariance[[0, 7]])) if amcl else 0.0
+def _find_lost(
+    amcl: PoseWithCovarianceStamped | None, places: tuple[Pose2, Pose2] | None
+) -> tuple[list[float] | None, str]:
+    """Where a robot is that is far from where it takes itself to be; and that it is lost, in words."""
     if places is not None:
         (truth, believed), turn = places, abs(normalize_angle(places[0].yaw - places[1].yaw))
         away = math.dist(truth[:2], believed[:2])
         if away > LOST_DISTANCE or turn > LOST_TURN:
-            row.truth = [round(value, 2) for value in truth]
             # To half a metre and ten degrees: each change is sent to every page.
-            told.insert(
-                0, f"localisation lost: about {round(2 * away) / 2:g} m and {round(math.degrees(turn), -1):g}° off"
-            )
-    if row.truth is None and wide > LOST_DEVIATION:
-        told.insert(0, f"localisation lost: its place is known to ± {wide:.1f} m only")
-    row.localised = len(told) == 1
-    row.reason = " · ".join(filter(None, told))
+            text = f"localisation lost: about {round(2 * away) / 2:g} m and {round(math.degrees(turn), -1):g}° off"
+            return [round(value, 2) for value in truth], text
+    wide = math.sqrt(max(0.0, *amcl.pose.covariance[[0, 7]])) if amcl else 0.0
+    return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def is_stopped(robot_id: int, sim: SimStatus | None, status: RobotStatus | None) -> bool:
-    """Whether the simulator holds a robot's body, or its process, of which this is the newest status, holds it."""
-    return (sim is not None and robot_id in sim.stopped) or (status is not None and status.is_stopped)
-
-
-def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
-    if status is None:
-        return GateRow(text="no monitor")
-    if status.state == TeamState.GO:
-        return GateRow("go", "GO is out")
+def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
+    """The start gate, and with `id` and `reason` the robots that GO waits for."""
+    if status is None or status.state == TeamState.GO:
+        state, text = ("waiting", "no monitor") if status is None else ("go", "GO is out")
+        return {"state": state, "text": text, "waiting_for": []}
     missing = status.missing.tolist()
-    started = {i for i in missing if i in robots and robots[i].state != "undriven"}
-    reasons = {i: robots[i].reason if i in started else "no process yet" for i in missing}
-    ready = f"{status.ready.size} of {status.team_size} ready"
+    started = {i for i in missing if i in robots and robots[i]["state"] != "undriven"}
+    waiting = [{"id": i, "reason": robots[i]["reason"] if i in started else "no process yet"} for i in missing]
     waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
-    return GateRow("waiting", f"{ready}; waiting for {waits}", [Waiting(i, reasons[i]) for i in missing])
+    text = f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"
+    return {"state": "waiting", "text": text, "waiting_for": waiting}
 
 
-def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
+def sim_row(status: SimStatus | None, models: Collection[str]) -> dict[str, Any]:
+    """The simulator."""
     if status is None:
-        return SimRow()
-    state = "finished" if status.finished else "paused" if status.paused else "running"
-    return SimRow(
-        present=True,
-        state=state,
-        speed=status.speed,
-        rtf=round(status.real_time_factor, 2),
-        lockstep=status.lockstep,
-        waits_for=short(status.waiting_for, 10_000),
-        models=sorted(models),
-        tick=status.tick,
-    )
+        return {"present": False, "state": "", "models": []}
+    return {
+        "present": True,
+        "state": "finished" if status.finished else "paused" if status.paused else "running",
+        "speed": status.speed,
+        "rtf": round(status.real_time_factor, 2),
+        "lockstep": status.lockstep,
+        "waits_for": short(status.waiting_for, 10_000),
+        "models": sorted(models),
+        "tick": status.tick,
+    }
 
 
 @cache
@@ -251,12 +161,7 @@ PATIENCE = 0.5
 """Host seconds that a scan waits for the pose of its stamp. Then its sensor's newest pose has to do."""
 
 
-class Taken(NamedTuple):
-    """A scan, and when it came."""
-
-    arrival: Arrival
-    scan: LaserScan
-
+Found = tuple[Arrival, LaserScan]
 
 _NOTHING = 0, LaserScan(), Pose2(0.0, 0.0, 0.0)
 """Number, scan and pose in the place of a scan whose place is not known any more: without beams nothing is drawn."""
@@ -270,7 +175,7 @@ class Scene:
         self._blocks: dict[Any, tuple[int, bytes]] = {}
         self._placed: dict[str, tuple[int, LaserScan, Pose2]] = {}
         """By key: the newest scan of which the sensor's pose is known, with its number."""
-        self._waits: dict[str, Taken] = {}
+        self._waits: dict[str, Found] = {}
         """By key: a scan whose sensor's pose is not known yet."""
         self._grids: dict[str, tuple[int, list[Tile]]] = {}
         self._poses: tuple[tuple[int, ...], bytes] = ((), b"")
@@ -279,21 +184,18 @@ class Scene:
         self._team = (float("-inf"), b"", 0)
         """Host time at which `team` was made, the document, and its version."""
 
-    def look(self) -> None:
-        """Take the robots' newest poses, once for all pages."""
+    def poses(self) -> tuple[tuple[int, ...], bytes]:
+        """The number and the robots of the newest poses, empty before there are any; and their block. They are looked
+        at once for all pages."""
         state = self._state
         seen = state.received.number, state.queries.sim, state.places
         if seen != self._looked:
             self._looked = seen
             state.poses = state.places.look(sorted(state.robots()))
-
-    def poses(self) -> tuple[tuple[int, ...], bytes]:
-        """The number and the robots of the newest poses, empty before there are any; and their block."""
-        places, poses = self._state.places, self._state.poses
         # Robots come and go also while nothing new comes of the others.
-        number = (places.number, *poses) if poses or self._poses[0] else ()
+        number = (state.places.number, *state.poses) if state.poses or self._poses[0] else ()
         if number != self._poses[0]:
-            self._poses = number, frames.encode_poses(poses, truth=places.from_truth)
+            self._poses = number, frames.encode_poses(state.poses, truth=state.places.from_truth)
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
@@ -301,7 +203,7 @@ class Scene:
         and whose place is not known any more an empty one."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
-            placed, known = self._place(key, robot_id, index, Taken(*found)), self._blocks.get((key, beams))
+            placed, known = self._place(key, robot_id, index, found), self._blocks.get((key, beams))
             if placed is not None or known is not None:
                 number, scan, sensor = placed or _NOTHING
                 if known is None or known[0] != number:
@@ -310,30 +212,29 @@ class Scene:
                 yield key, known[0], known[1]
             index += 1
 
-    def _place(self, key: str, robot_id: int, index: int, newest: Taken) -> tuple[int, LaserScan, Pose2] | None:
+    def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:
         """The newest scan of a laser with its pose at its stamp: that of the laser, turned as the robot's base is.
 
         A scan comes before the poses of its tick. It waits for them, and later ones come meanwhile: without one that is
         kept until then a view that lags would never see both.
         """
         placed = self._placed.get(key)
-        if placed is not None and placed[0] == newest.arrival.number:
+        if placed is not None and placed[0] == newest[0].number:
             return placed
-        waits = self._waits.get(key, newest)
-        late = monotonic() - waits.arrival.time > PATIENCE
+        waits = self._waits.setdefault(key, newest)
+        late = monotonic() - waits[0].time > PATIENCE
         for taken in (newest, waits):
-            found = self._find_sensor(robot_id, index, taken.scan, late=late)
+            found = self._find_sensor(robot_id, index, taken[1], late=late)
             if found is not None:
-                placed = self._placed[key] = taken.arrival.number, *found
-                waits = newest
-                break
-        else:
-            if late and not self._state.places.from_truth and self._state.places.level(robot_id, newest.scan).problem:
-                placed = self._placed.pop(key, None) and None
-        if placed is not None and placed[0] == newest.arrival.number:
-            self._waits.pop(key, None)
-        else:
-            self._waits[key] = waits
+                if taken is newest:
+                    del self._waits[key]
+                else:
+                    self._waits[key] = newest
+                placed = self._placed[key] = taken[0].number, *found
+                return placed
+        if late and not self._state.places.from_truth and self._state.places.level(robot_id, newest[1]).problem:
+            self._placed.pop(key, None)
+            return None
         return placed
 
     def _find_sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> tuple[LaserScan, Pose2] | None:
@@ -342,17 +243,14 @@ class Scene:
         base, seen = state.places.base_at(robot_id, stamp), state.places.level(robot_id, scan)
         if base is None and late:
             base = state.places.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        if base is not None and seen.scan is not None:
+        if base is None:
+            return None
+        if seen.scan is not None:
             sensor = shown(base.compose(Pose2(*seen.laser, 0.0)))
             return None if sensor is None else (seen.scan, sensor)
-        if not state.places.from_truth:
-            return None
         # Without transforms: where the simulator says that the laser sits.
-        base = state.places.truth_at(robot_id, stamp) or (state.poses.get(robot_id) if late else None)
-        shape = None if state.queries.shapes is None else state.queries.shapes.robots.get(robot_id)
-        if base is None or shape is None or index >= len(shape.lasers):
-            return None
-        return scan, base.compose(Pose2(*shape.lasers[index]))
+        shape = state.queries.shapes.robots.get(robot_id) if state.places.from_truth and state.queries.shapes else None
+        return (scan, base.compose(Pose2(*shape.lasers[index]))) if shape and index < len(shape.lasers) else None
 
     def team(self) -> tuple[bytes, int]:
         """The document `team` and its version, which does not change with ages and speeds alone."""
@@ -360,75 +258,69 @@ class Scene:
         if now - self._team[0] >= TEAM_PERIOD:
             team = self._make_team(now)
             document = msgspec.json.encode(team)
-            for row in team.robots:
-                row.age = row.speed = None
-            team.sim.rtf, team.sim.tick, team.sim.waits_for = 0.0, 0, ""
+            for row in team["robots"]:
+                row["age"] = row["speed"] = None
+            team["sim"] |= {"rtf": 0.0, "tick": 0, "waits_for": ""}
             self._team = now, document, zlib.crc32(msgspec.json.encode(team))
         return self._team[1:]
 
-    def _make_team(self, now: float) -> TeamDocument:
+    def _make_team(self, now: float) -> dict[str, Any]:
         state, queries, bus = self._state, self._state.queries, self._state.node.bus.options
         sim, shapes, outlines, options = queries.sim, queries.shapes, Outlines(), bus.words if bus else {}
         processes = queries.processes()
-        rows, speaks = {}, self._newest_data() if sim is None else {}
+        heard = state.received.of_robots() if sim is None else []
+        # What is latched tells nothing of whether a base is there.
+        times = [(robot_id, arrival.time) for robot_id, topic, arrival in heard if topic not in _OF_NO_BASE]
+        rows, speaks = {}, dict(sorted(times, key=itemgetter(1)))
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
-            status, spoke = queries.status_of(robot_id), queries.team.robot(robot_id).spoke
+            is_in_world = sim is not None and robot_id in sim.robots
             base = self._read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
+            amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
             rows[robot_id] = robot_row(
                 robot_id,
                 outlines,
-                present=speaks_now if sim is None else robot_id in sim.robots,
+                present=speaks_now if sim is None else is_in_world,
                 alive=alive,
-                status=status,
-                age=now - max(spoke, FREEZES.look()),
-                base=base[1] if base else None,
+                status=queries.status_of(robot_id),
+                age=now - max(queries.team.robot(robot_id).spoke, FREEZES.look()),
+                base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
+                sim=sim,
+                processes=processes.get(robot_id, ()),
+                amcl=amcl and amcl[1],
+                places=state.places.truth_of(robot_id) if is_in_world else None,
             )
-            amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
-            places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
-            rows[robot_id].stopped = is_stopped(robot_id, sim, status if alive else None)
-            rows[robot_id].unheld = sim is None and speaks_now and not alive
-            add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
-        return TeamDocument(
-            robots=list(rows.values()),
-            outlines=[msgspec.Raw(outline) for outline in outlines],
-            gate=gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
-            sim=sim_row(sim, shapes.models if shapes else ()),
-            router=queries.team.link_up,
-            viewers=len(state.viewers),
-            behaviors=startable(),
-            launcher=queries.alive(names.LAUNCHER),
-            # By which a command that is typed finds the team.
-            options="".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
-            namespace=state.namespace,
-            loading=queries.loading,
-            lists=queries.lists,
-        )
-
-    def _newest_data(self) -> dict[int, float]:
-        """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
-        found: dict[int, float] = {}
-        for robot_id, topic, arrival in self._state.received.of_robots():
-            if topic not in _OF_NO_BASE:
-                found[robot_id] = max(arrival.time, found.get(robot_id, arrival.time))
-        return found
+        return {
+            "robots": list(rows.values()),
+            # Polygons in metres, in `base_footprint`.
+            "outlines": [msgspec.Raw(outline) for outline in outlines],
+            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
+            "sim": sim_row(sim, shapes.models if shapes else ()),
+            "router": queries.team.link_up,
+            "viewers": len(state.viewers),
+            # Those that a robot can be started with, where there is a launcher, which starts robots (`up/start`).
+            "behaviors": startable(),
+            "launcher": queries.alive(names.LAUNCHER),
+            # By which a command that is typed finds the team, such as ` --connect tcp/10.0.0.2:7447`.
+            "options": "".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
+            "namespace": state.namespace,
+            # Whether a simulator or robots that are here may not have been heard yet.
+            "loading": queries.loading,
+            # By robot that drives through a list of goals: whether the list is paused.
+            "lists": queries.lists,
+        }
 
     def grid(self, key: str) -> list[Tile]:
         """The tiles of a grid; those whose cells are as before keep their version."""
         found = self._read(key, OccupancyGrid)
-        if found is None:
+        frame = self._state.places.pose_of(found[1].header.frame_id or names.MAP_FRAME) if found else None
+        if found is None or frame is None:
             return []
-        arrival, grid = found
-        frame = self._state.places.pose_of(grid.header.frame_id or names.MAP_FRAME)
-        if frame is None:
-            return []
-        known = self._grids.get(key)
-        if known is None or known[0] != arrival.number:
-            known = self._grids[key] = (
-                arrival.number,
-                make_tiles(key, grid, arrival.number, frame, known[1] if known else []),
-            )
-        return known[1]
+        number, tiles = self._grids.get(key, (0, []))
+        if number != found[0].number:
+            tiles = make_tiles(key, found[1], found[0].number, frame, tiles)
+            self._grids[key] = found[0].number, tiles
+        return tiles

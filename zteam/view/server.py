@@ -17,56 +17,23 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import Twist, Vector3
-from zteam.view import requests, rights
+from zteam.view import requests
 from zteam.view.commands import Commands
 from zteam.view.composing import Composer
-from zteam.view.connections import Connections, protocols_of, share_of_descriptors
+from zteam.view.connections import Connections, Gatekeeper, is_token, protocols_of, share_of_descriptors, takes_origin
 from zteam.view.driving import Driving
 from zteam.view.files import FOLDER, HEADERS, PageFiles
 from zteam.view.received import Viewer
-from zteam.view.rights import Gatekeeper
 from zteam.view.team_view import TeamView
 
 GATHER = 0.01
 """Host seconds from the first message of a tick until a frame is made: the tick's other messages come within them."""
-
-
-class Pages:
-    """What all pages share, on the thread of the pages."""
-
-    def __init__(self, state: TeamView, token: str, connections: Connections) -> None:
-        self.state, self.token, self.connections = state, token, connections
-        self.composer = Composer(state)
-        self.numbers = itertools.count(1)
-        self.news: set[asyncio.Event] = set()
-        """One for each page, set when something came."""
-        self._wakes = False
-        """Whether `_tell` is due."""
-        self._loop = asyncio.get_running_loop()
-        self.driving = Driving(state.node.bus)
-        self.commands = Commands(state)
-        self.stopper = ThreadPoolExecutor(STOPS, "stop")
-        """For stops: no other command may delay them."""
-        state.lease_of = self.driving.holder
-        state.on_news = self._on_news
-
-    def _on_news(self) -> None:
-        # Waking this thread for each message of lock-step would take longer than the frames.
-        if not self._wakes:
-            self._wakes = True
-            with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER, self._tell)
-
-    def _tell(self) -> None:
-        self._wakes = False
-        for event in self.news:
-            event.set()
 
 
 STOPS, MAX_STOPS = 8, 2
@@ -83,8 +50,8 @@ POLICY_VIOLATION = 1008
 class Page:
     """One connection. What cannot be taken raises DecodeError: the page is told why, and its socket is closed."""
 
-    def __init__(self, socket: WebSocket, pages: Pages) -> None:
-        self._socket, self._pages, self._state = socket, pages, pages.state
+    def __init__(self, socket: WebSocket, server: "WebServer") -> None:
+        self._socket, self._server, self._state = socket, server, server.state
         self._ready, self._news = asyncio.Event(), asyncio.Event()
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
@@ -102,11 +69,11 @@ class Page:
         except WebSocketDisconnect:
             return
         self._state.add(viewer)
-        self._pages.news.add(self._news)
+        self._server.news.add(self._news)
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._receive(viewer))
-                tasks.create_task(self._carry_out(viewer.number))
+                tasks.create_task(self._carry_out_in_turn(viewer.number))
                 tasks.create_task(self._send_replies())
                 tasks.create_task(self._send_frames(viewer))
         except* DecodeError as refusals:
@@ -114,9 +81,9 @@ class Page:
         except* WebSocketDisconnect:
             pass
         finally:
-            self._pages.news.discard(self._news)
+            self._server.news.discard(self._news)
             self._state.remove(viewer)
-            await self._pages.driving.release_all(viewer.number)
+            await self._server.driving.release_all(viewer.number)
 
     async def _greet(self) -> Viewer:
         try:
@@ -128,7 +95,7 @@ class Page:
             raise DecodeError("the first message has to be hello")
         if hello.version != requests.VERSION:
             raise DecodeError(f"the page speaks version {hello.version}, this server {requests.VERSION}: load it again")
-        viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
+        viewer = Viewer(next(self._server.numbers), is_token(hello.token, self._server.token))
         if not self._keep(viewer):
             raise DecodeError("too many pages are open: close one of them")
         welcome = {
@@ -140,10 +107,9 @@ class Page:
 
     def _keep(self, viewer: Viewer) -> bool:
         """Whether the connection may stay: if too many are open, it takes the place of a page that only watches."""
-        connections = self._pages.connections
-        return connections.keep(connections.find(self._socket.client), trusted=viewer.may_command)
+        return self._server.connections.keep(self._socket.scope["transport"], trusted=viewer.may_command)
 
-    async def _read(self) -> requests.AnyRequest:
+    async def _read(self) -> requests.Request:
         message = await self._socket.receive()
         if message["type"] != "websocket.receive":
             raise WebSocketDisconnect(message.get("code", 1005))
@@ -162,7 +128,7 @@ class Page:
                 # Host time: a page that says too much is read later.
                 await asyncio.sleep(-left / RATE)  # noqa: TID251
 
-    def _take(self, viewer: Viewer, request: requests.AnyRequest) -> None:
+    def _take(self, viewer: Viewer, request: requests.Request) -> None:
         match request:
             case requests.Ack():
                 viewer.take_ack(request)
@@ -173,63 +139,48 @@ class Page:
             case requests.Watch():
                 viewer.take_watch(request)
                 self._state.changed()
-            case requests.Unwatch():
-                viewer.watches.pop(requests.Watch(request.topic, request.field), None)
-                self._state.changed()
             case requests.Hello():
                 raise DecodeError("hello comes once")
             case requests.Token():
-                viewer.may_command |= rights.is_token(request.token, self._pages.token)
+                viewer.may_command |= is_token(request.token, self._server.token)
                 self._keep(viewer)
                 self._say({"op": "rights", "may_command": viewer.may_command})
             case requests.Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
-                if not self._pages.driving.drive(request.robot, viewer.number, command):
+                if not self._server.driving.drive(request.robot, viewer.number, command):
                     self._say({"op": "lost", "robot": request.robot})
-            case requests.StopRobots():
-                self._stop_robots(request.seq)
+            case requests.Command(op="stop_robots") if len(self._stops) >= MAX_STOPS:
+                self._reply(request, f"{MAX_STOPS} stops of this page are under way already")
+            case requests.Command(op="stop_robots"):
+                # At once: it waits for no other command, and needs no token.
+                task = asyncio.create_task(self._carry_out(request, self._server.stopper))
+                self._stops.add(task)
+                task.add_done_callback(self._stops.discard)
+            case requests.Command() if not viewer.may_command:
+                self._reply(request, "this page may only watch: open it with its token")
+            case requests.Command() if self._commands.full():
+                self._reply(request, f"{MAX_WAITING} commands of this page wait already")
             case requests.Command():
-                self._queue(viewer, request)
+                self._commands.put_nowait(request)
 
-    def _stop_robots(self, seq: int) -> None:
-        """At once: it waits for no other command, and needs no token."""
-        if len(self._stops) >= MAX_STOPS:
-            self._reply(seq, f"{MAX_STOPS} stops of this page are under way already")
-            return
-        task = asyncio.create_task(self._carry_out_stop(seq))
-        self._stops.add(task)
-        task.add_done_callback(self._stops.discard)
+    async def _carry_out(self, command: requests.Command, threads: ThreadPoolExecutor | None = None) -> None:
+        carry_out = self._server.commands.carry_out
+        self._reply(command, await asyncio.get_running_loop().run_in_executor(threads, carry_out, command))
 
-    async def _carry_out_stop(self, seq: int) -> None:
-        pages = self._pages
-        error = await asyncio.get_running_loop().run_in_executor(pages.stopper, pages.commands.stop_robots)
-        self._reply(seq, error)
-        pages.state.on_news()
-
-    def _queue(self, viewer: Viewer, command: requests.Command) -> None:
-        if not viewer.may_command:
-            self._reply(command.seq, "this page may only watch: open it with its token")
-        elif self._commands.full():
-            self._reply(command.seq, f"{MAX_WAITING} commands of this page wait already")
-        else:
-            self._commands.put_nowait(command)
-
-    async def _carry_out(self, viewer: int) -> None:
-        pages = self._pages
+    async def _carry_out_in_turn(self, viewer: int) -> None:
+        driving = self._server.driving
         while True:
-            command = await self._commands.get()
-            match command:
-                case requests.Take():
-                    error = await pages.driving.take(command.robot, viewer)
-                case requests.Release():
-                    error = await pages.driving.release(command.robot, viewer)
+            match command := await self._commands.get():
+                case requests.OfRobot(op="take"):
+                    self._reply(command, await driving.take(command.robot, viewer))
+                case requests.OfRobot(op="release"):
+                    self._reply(command, await driving.release(command.robot, viewer))
                 case _:
-                    error = await asyncio.to_thread(pages.commands.carry_out, command)
-            self._reply(command.seq, error)
-            pages.state.on_news()
+                    await self._carry_out(command)
 
-    def _reply(self, seq: int, error: str) -> None:
-        self._say({"op": "reply", "seq": seq, "error": error})
+    def _reply(self, command: requests.Command, error: str) -> None:
+        self._say({"op": "reply", "seq": command.seq, "error": error})
+        self._state.on_news()
 
     def _say(self, message: dict[str, object]) -> None:
         self._replies.put_nowait(msgspec.json.encode(message))
@@ -247,7 +198,7 @@ class Page:
             # Host time: a page gets so many frames a second of host time.
             await asyncio.sleep(viewer.sent + self._state.period - monotonic())  # noqa: TID251
             self._news.clear()
-            data = self._pages.composer.compose(viewer)
+            data = self._server.composer.compose(viewer)
             if viewer.cut:
                 self._news.set()
             if data is not None:
@@ -284,11 +235,28 @@ THREADS = 32
 class WebServer:
     """Runs on a thread of its own, from `start` until `close`."""
 
+    driving: Driving
+
     def __init__(self, state: TeamView, listener: socket.socket, host: str, token: str, layout: bytes = b"") -> None:
         """`listener` listens at `host`; `layout` is JSON that pages begin with."""
-        self._state, self._listener, self._token, self._layout = state, listener, token, layout
-        self._gate = Gatekeeper(host)
-        self._server: uvicorn.Server | None = None
+        self.state, self.token, self._layout = state, token, layout
+        self.composer, self.commands = Composer(state), Commands(state)
+        self.connections = Connections(share_of_descriptors(4, MOST_CONNECTIONS))
+        self.numbers = itertools.count(1)
+        self.news: set[asyncio.Event] = set()
+        """One for each page, set when something came."""
+        self._wakes = False
+        """Whether `_tell` is due."""
+        self.stopper = ThreadPoolExecutor(STOPS, "stop")
+        """For stops: no other command may delay them."""
+        self._listener, self._gate, self._app = listener, Gatekeeper(host), self._make_app()
+        http, ws = protocols_of(self.connections, self._answer)
+        self._server = uvicorn.Server(uvicorn.Config(
+            self._app, http=http, ws=ws, ws_max_size=requests.MAX_BYTES, ws_per_message_deflate=False,
+            ws_ping_interval=10.0, ws_ping_timeout=20.0, timeout_graceful_shutdown=1, lifespan="off", log_config=None,
+            access_log=False, server_header=False, date_header=False, headers=[*HEADERS.items()], proxy_headers=False,
+            h11_max_incomplete_event_size=MAX_HEAD, backlog=BACKLOG,
+        ))  # fmt: skip
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
 
     def start(self) -> None:
@@ -296,91 +264,82 @@ class WebServer:
 
     def close(self) -> None:
         """Close all sockets, and wait until that is done."""
-        if self._server is not None:
-            self._server.should_exit = True
+        self._server.should_exit = True
         self._thread.join(1.0)
 
     def _run(self) -> None:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
-            self._state.node.fail(error)
+            self.state.node.fail(error)
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
-        loop = asyncio.get_running_loop()
-        loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
-        connections = Connections(share_of_descriptors(4, MOST_CONNECTIONS))
-        loop.set_exception_handler(connections.on_loop_error)
-        pages, (http, ws) = Pages(self._state, self._token, connections), protocols_of(connections)
-        config = uvicorn.Config(
-            guarded(make_app(pages, self._layout), self._gate, connections),
-            http=http, ws=ws, ws_max_size=requests.MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
-            ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
-            server_header=False, date_header=False, headers=[*HEADERS.items()], proxy_headers=False,
-            h11_max_incomplete_event_size=MAX_HEAD, backlog=BACKLOG,
-        )  # fmt: skip
-        self._server = uvicorn.Server(config)
-        if self._state.node.stopping:
-            return
+        self._loop = asyncio.get_running_loop()
+        self._loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
+        self._loop.set_exception_handler(self.connections.on_loop_error)
+        self.driving = Driving(self.state.node.bus)
+        self.state.lease_of, self.state.on_news = self.driving.holder, self._on_news
         try:
             await self._server.serve([self._listener])
         finally:
-            pages.driving.stop()
-            pages.stopper.shutdown(wait=False)
+            self.driving.stop()
+            self.stopper.shutdown(wait=False)
 
+    def _on_news(self) -> None:
+        # Waking this thread for each message of lock-step would take longer than the frames.
+        if not self._wakes:
+            self._wakes = True
+            with contextlib.suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER, self._tell)
 
-def guarded(app: ASGIApp, gate: Gatekeeper, connections: Connections) -> ASGIApp:
-    """An application behind the checks of `Host` and `Origin`."""
+    def _tell(self) -> None:
+        self._wakes = False
+        for event in self.news:
+            event.set()
 
-    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
-        connection = connections.find(scope["client"])
-        connections.begin(connection)
-        try:
-            await check(scope, receive, send)
-        finally:
-            connections.rest(connection)
-
-    async def check(scope: Scope, receive: Receive, send: Send) -> None:
+    async def _answer(self, transport: asyncio.Transport, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request of a connection, after the checks of `Host` and `Origin`."""
         headers = Headers(scope=scope)
         host, is_socket, problem = headers.get("host", ""), scope["type"] == "websocket", ""
-        if not gate.takes_host(host):
+        if not self._gate.takes_host(host):
             problem = f"this server is not known as {host!r:.80}"
-        elif is_socket and not gate.takes_origin(headers.get("origin"), host):
+        elif is_socket and not takes_origin(headers.get("origin"), host):
             problem = f"a page of {headers['origin']!r:.80} may not open it"
-        if problem and is_socket:
-            log.info("a socket is refused: %s", problem)
-            # Before it is accepted this is the answer 403.
-            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
-        elif problem:
-            await PlainTextResponse(problem, 421)(scope, receive, send)
-        else:
-            await app(scope, receive, send)
+        scope["transport"] = transport
+        self.connections.begin(transport)
+        try:
+            if problem and is_socket:
+                log.info("a socket is refused: %s", problem)
+                # Before it is accepted this is the answer 403.
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+            else:
+                await (PlainTextResponse(problem, 421) if problem else self._app)(scope, receive, send)
+        finally:
+            self.connections.rest(transport)
 
-    return answer
+    def _make_app(self) -> Starlette:
+        """The routes: the page, its files, the layout that it begins with, its socket."""
 
+        async def index(_request: Request) -> Response:
+            return FileResponse(FOLDER / "index.html")
 
-def make_app(pages: Pages, layout: bytes) -> Starlette:
-    """The routes: the page, its files, the layout that it begins with, its socket."""
+        async def first_layout(_request: Request) -> Response:
+            media_type = "application/json" if self._layout else None
+            return Response(self._layout, 200 if self._layout else 204, media_type=media_type)
 
-    async def index(_request: Request) -> Response:
-        return FileResponse(FOLDER / "index.html")
+        async def open_socket(socket: WebSocket) -> None:
+            await Page(socket, self).run()
 
-    async def first_layout(_request: Request) -> Response:
-        return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
-
-    async def open_socket(socket: WebSocket) -> None:
-        await Page(socket, pages).run()
-
-    return Starlette(
-        routes=[
-            Route("/", index, methods=["GET"]),
-            Route("/layout.json", first_layout, methods=["GET"]),
-            Mount("/page", PageFiles(directory=FOLDER)),
-            WebSocketRoute("/ws", open_socket),
-        ],
-        middleware=[Middleware(GZipMiddleware)],
-    )
+        return Starlette(
+            routes=[
+                Route("/", index, methods=["GET"]),
+                Route("/layout.json", first_layout, methods=["GET"]),
+                Mount("/page", PageFiles(directory=FOLDER)),
+                WebSocketRoute("/ws", open_socket),
+            ],
+            middleware=[Middleware(GZipMiddleware)],
+        )
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, int]:

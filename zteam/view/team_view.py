@@ -3,12 +3,14 @@
 import threading
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
+from typing import TypeVar
 
 from zteam import names
 from zteam.geometry import FAR, Pose2
 from zteam.messages import (
     Header,
     LaserScan,
+    Message,
     Odometry,
     TFMessage,
     Transform,
@@ -19,20 +21,21 @@ from zteam.messages import (
 from zteam.messages.planar import pose2_of
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
-from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan
 from zteam.view.queries import ASK_PERIOD, Diagnosis, TeamQueries
 from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,
+    Arrival,
     Drawables,
     Received,
     Subscriptions,
     Viewer,
-    scanned_robots,
     topics_of,
 )
+
+M = TypeVar("M", bound=Message)
 
 
 def shown(pose: Pose2 | None) -> Pose2 | None:
@@ -45,10 +48,11 @@ class Places:
     def __init__(self, received: Received) -> None:
         self._received = received
         self.buffer = Buffer()
+        self._truths = Buffer()
+        """Where the simulator's ground truth had each robot, in the frames of its odometry and its base."""
         self._lasers: dict[int, LaserMounts] = {}
-        self._taken = 0
-        """The number of the newest bundle that was taken."""
-        self._taken_static = 0
+        self._taken: dict[str, int] = {}
+        """By key: the number of the newest message that was taken."""
         self.stamp = 0
         """Nanoseconds of the newest poses."""
         self.number = 0
@@ -60,72 +64,70 @@ class Places:
         """The robots whose ground truth comes. What came before of the others tells nothing of where they are now."""
         self._compared: dict[int, tuple[Pose2, Pose2]] = {}
         """The last of `truth_of`, by robot."""
-        self._truth: dict[int, int] = {}
-        """By robot: the number of its newest ground truth."""
-        self._truths = Buffer()
-        """Where the ground truth had each robot."""
 
-    def _take_static(self) -> None:
-        arrival = self._received.get(names.TF_STATIC)
-        if arrival is None or arrival.number == self._taken_static:
-            return
-        self._taken_static = arrival.number
-        message = arrival.read(TFMessage)
-        if message is not None:
-            self.buffer.set_all_static(message.transforms, names.TF)
-            if self._taken:
-                # Where odometry begins may be another place now.
-                self.number = max(self.number, arrival.number)
+    def _take(self, key: str, kind: type[M]) -> tuple[Arrival, M] | tuple[None, None]:
+        """The newest message of a key that was not taken before."""
+        arrival = self._received.get(key)
+        message = None if arrival is None or arrival.number == self._taken.get(key) else arrival.read(kind)
+        if arrival is None or message is None:
+            return None, None
+        self._taken[key] = arrival.number
+        return arrival, message
 
     def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
         """The pose in `map` of each of these robots whose pose is known."""
-        self._take_static()
-        self._take_bundle()
+        arrival, static = self._take(names.TF_STATIC, TFMessage)
+        if arrival and static:
+            self.buffer.set_all_static(static.transforms, names.TF)
+            if names.TF in self._taken:
+                # Where odometry begins may be another place now.
+                self.number = max(self.number, arrival.number)
+        arrival, bundle = self._take(names.TF, TFMessage)
+        if arrival and bundle:
+            stamp = bases_stamp(bundle)
+            if stamp and stamp < self.stamp:
+                # Time was set back: what was known of the other time does not count.
+                self.buffer.clear()
+            self.number, self.time, self.stamp = arrival.number, arrival.time, stamp or self.stamp
+            self.buffer.set_transforms(bundle.transforms, names.TF, self.stamp)
         found = {}
         for robot_id in robots:
-            if self._taken:
-                pose = self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-            else:
+            if names.TF not in self._taken:
                 self._take_truth(robot_id)
-                pose = self.truth_at(robot_id, 0)
-            if pose is not None:
+            if (pose := self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))) is not None:
                 found[robot_id] = pose
-        self.from_truth = not self._taken and bool(found)
+        self.from_truth = names.TF not in self._taken and bool(found)
         return found
 
-    def _take_bundle(self) -> None:
-        arrival = self._received.get(names.TF)
-        if arrival is None or arrival.number == self._taken:
+    def _take_truth(self, robot_id: int) -> None:
+        arrival, truth = self._take(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry)
+        if arrival is None or truth is None:
             return
-        message = arrival.read(TFMessage)
-        if message is None:
-            return
-        stamp = bases_stamp(message)
-        if stamp and stamp < self.stamp:
-            # Time was set back: what was known of the other time does not count.
-            self.buffer.clear()
-        self.stamp = stamp or self.stamp
-        self.buffer.set_transforms(message.transforms, names.TF, self.stamp)
-        self._taken = self.number = arrival.number
-        self.time = arrival.time
+        odom, base = (names.robot_frame(robot_id, each) for each in (names.ODOM, names.BASE_FOOTPRINT))
+        header, pose = Header(truth.header.stamp, names.MAP_FRAME), truth.pose.pose
+        stamp = ns_from_time(header.stamp)
+        if stamp <= (self._truths.latest_common_time(names.MAP_FRAME, base) or -1):
+            # Time was set back, or the robot was moved while it stood.
+            self._truths.forget(odom)
+            self._truths.forget(base)
+        place = Transform(Vector3(pose.position.x, pose.position.y), pose.orientation)
+        self._truths.set_transform(TransformStamped(header, odom, place), odom)
+        self._truths.set_transform(TransformStamped(Header(header.stamp, odom), base), odom)
+        if arrival.number > self.number:
+            self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
+
+    def _find(self, parent: str, frame: str, stamp: int) -> Pose2 | None:
+        with suppress(TransformException):
+            buffer = self.buffer if names.TF in self._taken else self._truths
+            return shown(buffer.lookup_pose2(parent, frame, stamp)[0])
+        return None
 
     def pose_of(self, frame: str, stamp: int = 0) -> Pose2 | None:
         """The pose of a frame in `map` at `stamp` (ns), or its newest where it is not known for then."""
         name = names.strip_slash(frame)
         if name == names.MAP_FRAME:
             return Pose2(0.0, 0.0, 0.0)
-        for time in (stamp, 0) if stamp else (0,):
-            try:
-                return shown(self.buffer.lookup_pose2(names.MAP_FRAME, name, time)[0])
-            except TransformException:
-                pass
-        return None
-
-    def level(self, robot_id: int, scan: LaserScan) -> LevelScan:
-        """A robot's scan as its base sees it."""
-        if robot_id not in self._lasers:
-            self._lasers[robot_id] = LaserMounts(robot_id, self.buffer)
-        return self._lasers[robot_id].level(scan)
+        return self._find(names.MAP_FRAME, name, stamp) or (self._find(names.MAP_FRAME, name, 0) if stamp else None)
 
     def base_at(self, robot_id: int, stamp: int) -> Pose2 | None:
         """The pose in `map` of a robot's base at `stamp` (ns); None as long as its motion is not known until then.
@@ -133,55 +135,29 @@ class Places:
         Where odometry begins in `map` may be older: a localiser says it seldom.
         """
         odom, base = (names.robot_frame(robot_id, each) for each in (names.ODOM, names.BASE_FOOTPRINT))
-        origin = self.pose_of(odom, stamp)
-        try:
-            moved = self.buffer.lookup_pose2(odom, base, stamp)[0]
-        except TransformException:
-            return None
-        return None if origin is None else shown(origin.compose(moved))
+        origin, moved = self.pose_of(odom, stamp), self._find(odom, base, stamp)
+        return None if origin is None or moved is None else shown(origin.compose(moved))
 
-    def truth_at(self, robot_id: int, stamp: int) -> Pose2 | None:
-        """The pose of a robot without transforms at `stamp` (ns; 0 = the newest), as far as it is known until then."""
-        try:
-            return shown(self._truths.lookup_pose2(names.MAP_FRAME, names.robot_name(robot_id), stamp)[0])
-        except TransformException:
-            return None
+    def level(self, robot_id: int, scan: LaserScan) -> LevelScan:
+        """A robot's scan as its base sees it."""
+        if robot_id not in self._lasers:
+            self._lasers[robot_id] = LaserMounts(robot_id, self.buffer)
+        return self._lasers[robot_id].level(scan)
 
     def truth_of(self, robot_id: int) -> tuple[Pose2, Pose2] | None:
         """Where a robot is in `map`, and where it took itself to be then; None where one of them is not known."""
         if robot_id not in self.compared:
             self._compared.pop(robot_id, None)
             return None
-        arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
+        found = self._received.read(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry)
         # What came before the robot was moved tells nothing of where it is now.
-        if arrival is not None and arrival.number > self._taken_static:
-            message = arrival.read(Odometry)
-            frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        if found is not None and found[0].number > self._taken.get(names.TF_STATIC, 0):
+            truth, stamp = shown(pose2_of(found[1].pose.pose)), ns_from_time(found[1].header.stamp)
             # The transforms of its tick come after it: until then the one before counts.
-            with suppress(TransformException):
-                if message is not None:
-                    stamp = ns_from_time(message.header.stamp)
-                    believed = shown(self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0])
-                    if (truth := shown(pose2_of(message.pose.pose))) is not None and believed is not None:
-                        self._compared[robot_id] = truth, believed
+            believed = self._find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT), stamp)
+            if truth is not None and believed is not None:
+                self._compared[robot_id] = truth, believed
         return self._compared.get(robot_id)
-
-    def _take_truth(self, robot_id: int) -> None:
-        arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
-        if arrival is None or arrival.number == self._truth.get(robot_id):
-            return
-        message = arrival.read(Odometry)
-        if message is None:
-            return
-        frame, stamp, pose = names.robot_name(robot_id), ns_from_time(message.header.stamp), message.pose.pose
-        if stamp <= (self._truths.latest_common_time(names.MAP_FRAME, frame) or -1):
-            # Time was set back, or the robot was moved while it stood.
-            self._truths.forget(frame)
-        place = Transform(Vector3(pose.position.x, pose.position.y), pose.orientation)
-        self._truths.set_transform(TransformStamped(Header(message.header.stamp, names.MAP_FRAME), frame, place), frame)
-        self._truth[robot_id] = arrival.number
-        if arrival.number > self.number:
-            self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
 
 
 LOOK = 0.2
@@ -200,7 +176,7 @@ class TeamView:
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
         self.received = Received(lambda: self.on_news())
-        self.drawables = Drawables(self.received)
+        self.drawables = Drawables((), self.received)
         self.places = Places(self.received)
         self.queries = TeamQueries(node, self.received, lambda: self.on_news())
         self.diagnosis = Diagnosis(node.bus.options, lambda: self.on_news())
@@ -222,22 +198,16 @@ class TeamView:
     @property
     def period(self) -> float:
         """Host seconds between two frames of one page."""
-        return FAST_PERIOD if self._runs_fast else PERIOD
-
-    @property
-    def _runs_fast(self) -> bool:
         sim = self.queries.sim
-        return sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
+        is_fast = sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
+        return FAST_PERIOD if is_fast else PERIOD
 
     def robots(self) -> set[int]:
+        """The robots of the world, and those that have a process; without a simulator all that were heard."""
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
-            return self._in_world(sim)
+            return self.queries.processes().keys() | set(sim.robots)
         return {robot_id for robot_id, _, _ in self.received.of_robots()} | self.queries.robots()
-
-    def _in_world(self, sim: SimStatus) -> set[int]:
-        """The robots of the world, and those that have a process still."""
-        return self.queries.processes().keys() | set(sim.robots)
 
     def _localised(self) -> set[int]:
         """The robots whose place a localisation estimates, and those that a page shows in detail."""
@@ -276,35 +246,19 @@ class TeamView:
     def _match(self) -> None:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
-        self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
-        sim, aggregator, sampled = self.queries.sim, self.queries.alive(names.AGGREGATOR), self._choose_sampled()
-        self.places.compared = self._localised() if sim is not None and sampled is None else ()
+        self.drawables = Drawables((each.key for each in self.queries.declarations if each.publishes), self.received)
+        sim, aggregator = self.queries.sim, self.queries.alive(names.AGGREGATOR)
+        self.places.compared = self._localised() if sim is not None else ()
         wanted = topics_of(
-            viewers.values(),
-            self.poses,
-            self.drawables,
-            aggregator=aggregator,
-            sampled=sampled,
-            truth_of=self.places.compared,
+            viewers.values(), self.poses, self.drawables, aggregator=aggregator, truth_of=self.places.compared
         )
         if sim is not None:
-            self.received.keep_robots(self._in_world(sim))
+            self.received.keep_robots(self.robots())
         self._subscriptions.match(wanted)
-        if sampled is not None:
-            self.queries.sample(sampled, transforms=aggregator)
         if not viewers:
             self.received.clear()
             self.places, self.poses = Places(self.received), {}
-        period = LOOK if sampled is None else FAST_PERIOD
-        self.node.wait(lambda: self._looks != looks, period if viewers else REST)
-
-    def _choose_sampled(self) -> set[int] | None:
-        """Where time runs fast a page sees one message of many, and each that comes slows the run: the robots whose
-        scans are asked for instead, or None for no sampling."""
-        sim, viewers = self.queries.sim, self.viewers.values()
-        if sim is None or not viewers or not self._runs_fast:
-            return None
-        return scanned_robots(viewers, self.poses) & set(sim.robots)
+        self.node.wait(lambda: self._looks != looks, LOOK if viewers else REST)
 
     def _ask(self) -> None:
         try:

@@ -23,8 +23,8 @@ from zteam.cli.up_display import Printer
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
-from zteam.monitor.process.members import Event
-from zteam.monitor.process.table import JsonLines, Lines
+from zteam.monitor.process.display import JsonLines, Lines
+from zteam.monitor.process.start_gate import Event
 from zteam.node.logs import LogLine, start_logging
 from zteam.node.output import Clean, print_block, print_json, print_line
 from zteam.robot.client import DESCRIBE, DescribeReply

@@ -19,9 +19,8 @@ from zteam.cli.log import format_line
 from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
-from zteam.monitor.process.display import showing
-from zteam.monitor.process.members import Event
-from zteam.monitor.process.table import Row
+from zteam.monitor.process.display import Row, showing
+from zteam.monitor.process.start_gate import Event
 from zteam.node.live_line import LiveLine, has_color, has_live_line
 from zteam.node.logs import LogLine, start_logging
 from zteam.node.output import Clean

@@ -70,25 +70,6 @@ def publish_in_time(hub: MemoryHub, words: str, is_ready: Callable[[], bool], th
     assert codes == [0]
 
 
-def test_it_tells_when_a_subscriber_comes(tools: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
-    """While it publishes, the first subscriber to come is named."""
-    heard, late, printed = Inbox(), open_named(tools, "robot_7"), ""
-
-    def is_told() -> bool:
-        nonlocal printed
-        printed += capsys.readouterr().out
-        return printed.endswith("\n")
-
-    words = "-r 10 --times 3 lamp Bool '{data: true}'"
-    publish_in_time(tools, words, is_told, lambda: late.subscribe("lamp", Bool, heard))
-    # It is told before the first message, so the subscriber may get that one, too.
-    assert heard.items in ([("lamp", Bool(True))] * 2, [("lamp", Bool(True))] * 3)
-    assert (printed + capsys.readouterr().out).splitlines() == [
-        "publishing std_msgs/msg/Bool on lamp 3 times at 10 Hz to no subscriber yet",
-        "publishing on lamp to 1 subscriber: robot_7",
-    ]
-
-
 def test_every_message_has_its_own_stamp(tools: MemoryHub) -> None:
     """A repeated message is stamped anew, at the moment of its publication."""
     heard = list[Time]()

@@ -21,8 +21,7 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.monitor.motion import Motion
-from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
+from zteam.monitor.observer import LINK, PRESENCE, Motion, RobotView, TeamObserver
 
 TICK = 100_000_000
 

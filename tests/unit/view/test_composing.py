@@ -20,7 +20,7 @@ class Page:
         self.tiles: dict[str, list[Tile]] = {}
         state: Any = SimpleNamespace(
             received=Received(lambda: None),
-            drawables=SimpleNamespace(keys=lambda _layer: COSTMAPS),
+            drawables=SimpleNamespace(of=lambda _layer: COSTMAPS),
             queries=SimpleNamespace(alive=lambda _name: False),
         )
         self._composer = Composer(state)

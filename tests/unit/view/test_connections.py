@@ -19,7 +19,7 @@ from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
 from zteam.view import server
-from zteam.view.connections import MAX_HEAD, Connections, Front, share_of_descriptors
+from zteam.view.connections import MAX_HEAD, Connections, open_front, share_of_descriptors
 
 MOST = 8
 REQUEST = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -110,12 +110,8 @@ def test_a_page_takes_the_place_of_one_that_only_watches(view: View) -> None:
 class Transport:
     """A connection that is none."""
 
-    def __init__(self, port: int, unsent: list[int]) -> None:
-        self.port, self.unsent, self.aborted = port, unsent, False
-
-    def get_extra_info(self, _name: str) -> tuple[str, int]:
-        """Its address."""
-        return "127.0.0.1", self.port
+    def __init__(self, *unsent: int) -> None:
+        self.unsent, self.aborted = [*unsent], False
 
     def get_write_buffer_size(self) -> int:
         """Bytes that the client has not taken."""
@@ -139,7 +135,7 @@ def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
     """As long as it takes some of it between two looks."""
 
     def test() -> None:
-        connections, slow = Connections(MOST), Transport(1, [300, 200, 100, 100])
+        connections, slow = Connections(MOST), Transport(300, 200, 100, 100)
         transport = cast(asyncio.Transport, slow)
         connections.open(transport)
         for unsent in (0, 300, 200):
@@ -155,7 +151,7 @@ def test_a_lack_of_descriptors_is_told_once() -> None:
     """What waits is closed, so that the next connection finds room; other errors are told as always."""
 
     def test() -> None:
-        connections, found = Connections(MOST), [Transport(port, [0]) for port in range(3)]
+        connections, found = Connections(MOST), [Transport(0) for _ in range(3)]
         for transport in found:
             connections.open(cast(asyncio.Transport, transport))
         connections.keep(cast(asyncio.Transport, found[2]), trusted=False)
@@ -189,8 +185,7 @@ class Desk:
         listener = socket.create_server(("127.0.0.1", 0))
         self._address = listener.getsockname()
         self.failures: list[BaseException] = []
-        self.front = Front(listener, self.server.getsockname(), self.failures.append)
-        self.front.start()
+        self._close_front = open_front(listener, self.server.getsockname(), self.failures.append)
         self._ends = ExitStack()
         self.ends = self._ends.enter_context(ExitStack())
 
@@ -209,7 +204,7 @@ class Desk:
     def close(self) -> None:
         """End all of it."""
         self._ends.close()
-        self.front.close()
+        self._close_front()
         self.server.close()
 
 

@@ -151,18 +151,16 @@ def test_a_place_is_free_if_all_around_it_is() -> None:
 def test_types_are_learnt_from_the_first_message() -> None:
     """A key that carries nothing to draw is left alone from then on; a key of zteam's own is never tried."""
     received = Received(lambda: None)
-    drawables = Drawables(received)
-    keys = ["my/path", "my/twist", "my/marks", "robot_0/odom", "map", "a/*"]
-    drawables.take_keys(keys)
+    keys = ["my/path", "my/twist", "my/marks", "robot_0/odom", "map", "a/*", "@session/1/x"]
+    drawables = Drawables(keys, received)
     assert {topic.key for topic in drawables.topics(["plans"])} == {"my/marks", "my/path", "my/twist"}
     for key, kind in (("my/path", Path), ("my/twist", Twist), ("my/marks", MarkerArray)):
         received.take(key, b"", encoding_of(kind))
-    drawables.take_keys(keys)
+    drawables = Drawables(keys, received)
     assert drawables.topics(["plans"]) == {Topic("my/path", latched=True)}
     assert drawables.topics(["markers"]) == {Topic("my/marks", latched=True, every=True)}
     assert drawables.topics(["scans"]) == set()
-    drawables.take_keys(["my/marks"])
-    assert (drawables.keys("plans"), drawables.keys("markers")) == ([], ["my/marks"])
+    assert (drawables.of("plans"), drawables.of("markers")) == (["my/path"], ["my/marks"])
 
 
 def test_rates_are_those_of_the_busiest_receiver() -> None:
@@ -180,7 +178,7 @@ def test_users_of_a_wildcard_use_each_robots_key() -> None:
         Declaration("robot_$*/odom", "t", False),
         Declaration("**", "u", False),
     ]
-    rows = {row.key: row for row in topic_rows(declared, {"robot_0/odom": 9.96}, [0, 1])}
+    rows = {row["key"]: row for row in topic_rows(declared, {"robot_0/odom": 9.96}, [0, 1])}
     assert sorted(rows) == ["robot_0/odom", "robot_1/odom"]
     row = rows["robot_0/odom"]
-    assert (row.type, row.hz, row.publishers, row.subscribers) == ("nav_msgs/msg/Odometry", 10.0, 1, 2)
+    assert [*row.values()] == ["robot_0/odom", "nav_msgs/msg/Odometry", 10.0, 1, 2]

@@ -1,12 +1,18 @@
 """Goals of several robots at one place, and which goal of a robot is its newest."""
 
 import itertools
+import json
 import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
 
 from zteam.geometry import Pose2
 from zteam.messages import Header, NavigationState, NavigationStatus, Point, Pose, PoseStamped, time_from_ns
+from zteam.view import documents
 from zteam.view.commands import SPACING, spread
-from zteam.view.goals import Goals, newest_goal
+from zteam.view.documents import Documents, newest_goal
 from zteam.view.received import Arrival, Received
 
 GOAL = Pose2(5.0, 5.0, 0.3)
@@ -56,18 +62,22 @@ def test_the_newest_goal_is_the_one_that_was_sent_until_its_robot_speaks_of_it()
     assert newest_goal(sent, told(11, 22.0, PoseStamped(), idle)) is None
 
 
-def test_a_goal_ends_with_the_process_that_drives_to_it() -> None:
+def test_a_goal_ends_with_the_process_that_drives_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not at once: a router that ends takes all presence along for a while."""
     received, alive = Received(lambda: None), {"robot_0"}
-    goals = Goals(received, alive.__contains__, lambda _frame: Pose2(0.0, 0.0, 0.0))
+    queries = SimpleNamespace(alive=alive.__contains__, sim=None)
+    places = SimpleNamespace(pose_of=lambda _frame: Pose2(0.0, 0.0, 0.0))
+    state: Any = SimpleNamespace(received=received, queries=queries, places=places, robots=lambda: {0})
+    shown = Documents(state)
     status = told(1, 20.0, goal_at(1.0, 5.0), NavigationState.DRIVING).content
     assert isinstance(status, NavigationStatus)
     status.header.frame_id, status.distance_remaining = "robot_0", 3.21
     received.take("robot_0/navigation/status", status)
 
     def look(now: float) -> tuple[str, float | None, str]:
-        [row] = goals.rows({0}, now)
-        return row.state, row.distance, row.text
+        monkeypatch.setattr(documents, "monotonic", lambda: now)
+        [row] = json.loads(shown.goals())
+        return row["state"], row["distance"], row["text"]
 
     assert look(0.0) == ("driving", 3.2, "")
     alive.clear()

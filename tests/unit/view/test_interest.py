@@ -7,7 +7,6 @@ from zteam.view.received import (
     Received,
     Viewer,
     robots_in_sight,
-    scanned_robots,
     topics_of,
 )
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
@@ -15,9 +14,9 @@ from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
 
 
-def make_drawables() -> Drawables:
-    """No key is known, and no message has come."""
-    return Drawables(Received(lambda: None))
+def make_drawables(*keys: str) -> Drawables:
+    """These keys are published, and no message has come."""
+    return Drawables(keys, Received(lambda: None))
 
 
 def viewer(look: Look) -> Viewer:
@@ -73,14 +72,6 @@ def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:
     assert "tf" not in keys(viewer(Look()), aggregator=False)
 
 
-def test_what_is_sampled_is_not_subscribed_to() -> None:
-    """Scans of the sampled robots and the transforms; a robot without a simulator keeps its subscription."""
-    look = viewer(Look(layers=["scans"]))
-    assert scanned_robots([look, viewer(Look())], POSES) == {0, 1, 2}
-    sampled = topics_of([look], POSES, make_drawables(), aggregator=True, sampled={0, 1})
-    assert {topic.key for topic in sampled} == keys(look) - {"tf", "robot_0/base_scan$*", "robot_1/base_scan$*"}
-
-
 def test_two_pages_share_their_subscriptions() -> None:
     """What both look at is subscribed to once, what one watches is there too."""
     first, second = viewer(Look()), viewer(Look())
@@ -101,10 +92,9 @@ def test_of_a_crowd_only_the_nearest_are_scanned() -> None:
 
 def test_a_key_whose_type_is_known_is_drawn_before_a_message_comes() -> None:
     """What zteam's own navigation publishes belongs to its layer; other keys of zteam to none."""
-    drawables = make_drawables()
-    drawables.take_keys(["robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map"])
-    assert drawables.keys("plans") == ["robot_0/plan"]
-    assert drawables.keys("costmaps") == ["robot_0/local_costmap/costmap"]
+    drawables = make_drawables("robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map")
+    assert drawables.of("plans") == ["robot_0/plan"]
+    assert drawables.of("costmaps") == ["robot_0/local_costmap/costmap"]
     assert [topic.key for topic in drawables.topics(["particles"])] == ["own/path"]
 
 

@@ -10,8 +10,9 @@ import pytest
 from support.transforms import stamped
 from zteam.messages import LaserScan, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of
 from zteam.node.logs import LogLine
+from zteam.view import documents
 from zteam.view.composing import MOST, samples_since
-from zteam.view.documents import RATE_SPAN, Documents, LogTail, rate_of
+from zteam.view.documents import Documents
 from zteam.view.received import KEPT, KEPT_BYTES, Received
 from zteam.view.team_view import Places
 
@@ -24,7 +25,7 @@ def command(speed: float) -> bytes:
 def take(received: Received, *speeds: float) -> None:
     """Commands come."""
     for speed in speeds:
-        received.keep("t", "t", command(speed), encoding_of(Twist))
+        received.take("t", command(speed), encoding_of(Twist), topic="t")
 
 
 def test_only_the_newest_of_a_key_is_kept() -> None:
@@ -101,7 +102,7 @@ def test_history_of_large_messages_is_short() -> None:
     """A plot of a map's field does not fill the memory."""
     received = Received(lambda: None)
     for _ in range(10):
-        received.keep("map", "map", bytes(KEPT_BYTES // 4))
+        received.take("map", bytes(KEPT_BYTES // 4), topic="map")
     assert [event.number for event in received.since("map", 0)] == [7, 8, 9, 10]
 
 
@@ -137,32 +138,31 @@ def test_the_distance_to_an_obstacle_is_the_least_range_that_is_one() -> None:
     received = Received(lambda: None)
     for ranges in ([2.0, 0.01, np.nan, 1.5, np.inf], [5.0, np.inf]):
         scan = LaserScan(range_min=0.1, range_max=5.0, ranges=np.array(ranges, np.float32))
-        received.keep("s", "s", encode(scan), encoding_of(LaserScan))
+        received.take("s", encode(scan), encoding_of(LaserScan), topic="s")
     _, pairs = samples_since(received, "s", "min(ranges)", 0, 0.0)
     assert pairs[:, 1].tolist() == [1.5]
     assert samples_since(received, "s", "min(header)", 0, 0.0)[1].size == 0
 
 
-def test_a_rate_is_that_of_the_newest_messages() -> None:
-    """Before its span is over it is counted since the first message; without messages within it, it is zero."""
-    assert rate_of([10.0, 10.1, 10.2], now=10.2) == pytest.approx(10.0)
-    assert rate_of([0.1 * i for i in range(1000)], now=99.95) == pytest.approx(10.0, abs=0.5)
-    assert rate_of([1.0, 2.0], now=2.5 + RATE_SPAN) == 0.0
-
-
-def test_log_lines_come_in_order_of_time_and_once() -> None:
+def test_log_lines_come_in_order_of_time_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lines of the history of a process that came live too are not repeated."""
-    tail = LogTail()
     late, early = (
         LogLine(2_000_000_000, "b", LogLevel.INFO, "two\x1b[0m"),
         LogLine(1_000_000_000, "a", LogLevel.WARN, "one"),
     )
-    tail.take([late], now=10.0)
-    tail.take([early, late], now=10.1)
-    assert tail.since(0, now=10.15) == (0, [])
-    number, lines = tail.since(0, now=11.0)
+    state: Any = SimpleNamespace(received=Received(lambda: None), queries=SimpleNamespace(kept_log=[late]))
+    shown = Documents(state)
+
+    def told(number: int, now: float) -> tuple[int, list[dict[str, Any]]]:
+        monkeypatch.setattr(documents, "monotonic", lambda: now)
+        return shown.log(number)
+
+    assert told(0, 10.0) == (0, [])
+    state.queries.kept_log = [early, late]
+    assert told(0, 10.1) == (0, [])
+    number, lines = told(0, 11.0)
     assert [(line["time"], line["level"], line["text"]) for line in lines] == [
         (1.0, "warning", "one"),
         (2.0, "info", "two\ufffd[0m"),
     ]
-    assert tail.since(number, now=12.0) == (number, [])
+    assert told(number, 12.0) == (number, [])

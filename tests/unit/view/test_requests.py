@@ -10,10 +10,11 @@ from zteam.view.requests import decode_request
 
 def test_each_request_is_told_by_its_op() -> None:
     """The `op` chooses the type, and defaults fill the rest."""
-    assert decode_request('{"op":"hello","version":1}') == requests.Hello(1, "")
-    assert decode_request('{"op":"drive","robot":3,"linear":0.5,"angular":0}') == requests.Drive(3, 0.5, 0.0)
+    assert decode_request('{"op":"hello","version":1}') == requests.Hello(1, "", op="hello")
+    drive = decode_request('{"op":"drive","robot":3,"linear":0.5,"angular":0}')
+    assert drive == requests.Drive(3, 0.5, 0.0, op="drive")
     look = decode_request('{"op":"look","viewport":[0,0,1,1],"layers":["scans"],"docs":["log"]}')
-    assert look == requests.Look(viewport=[0, 0, 1, 1], layers=["scans"], docs=["log"])
+    assert look == requests.Look(viewport=[0, 0, 1, 1], layers=["scans"], docs=["log"], op="look")
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,10 @@
 """All checks of a team, in the order in which they are told: causes come before what follows from them."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from zteam import names
-from zteam.bus.lateness import CLOCKS_APART, LATE
 from zteam.bus.receiving import KeyCount
-from zteam.clock import APART, to_seconds
+from zteam.clock import to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
@@ -32,11 +30,11 @@ def check_world(facts: Facts) -> Iterator[Finding]:
 
 def _hold_step(facts: Facts) -> str:
     waited = facts.sim.silent if facts.sim else []
-    absent = [name for name in waited if name not in facts.alive]
-    if absent:
-        robot_id = names.robot_id_of(absent[0])
-        return f"start {absent[0]}" if robot_id is None else f"zteam-robot --id {robot_id}"
-    if waited and waited[0] in facts.alive:
+    for name in waited:
+        if name not in facts.alive:
+            robot_id = names.robot_id_of(name)
+            return f"start {name}" if robot_id is None else f"zteam-robot --id {robot_id}"
+    if waited:
         return f"look at the log of {waited[0]}; it is left behind after --lockstep-timeout, or end it"
     return "start the monitor, and the robots that it waits for"
 
@@ -48,12 +46,8 @@ def check_gate(facts: Facts) -> Iterator[Finding]:
         return
     if team.state == TeamState.WAITING:
         missing = team.missing.tolist()
-        # What a robot that has a process says of itself is told below.
-        named = ", ".join(map(names.robot_name, missing))
-        waiting = (RobotState.BOOT, RobotState.FAULT)
-        told = {i for i, status in facts.statuses.items() if status.state in waiting and i in facts.robots}
-        awaited = named if told.issuperset(missing) and missing else team.waiting_for or named
-        awaited = awaited or f"{team.team_size - len(team.ready)} more of any id"
+        # Why each of them is not ready is told below.
+        awaited = ", ".join(map(names.robot_name, missing)) or f"{team.team_size - len(team.ready)} more of any id"
         text = f"the start gate waits for {awaited} ({len(team.ready)} of {team.team_size} ready)"
         yield problem("gate", text, _gate_step(facts, missing))
     lost = [i for i in team.lost.tolist() if i not in facts.robots and not facts.lacks(i)]
@@ -86,9 +80,7 @@ def check_stops(facts: Facts) -> Iterator[Finding]:
     held = set(facts.sim.stopped if facts.sim else ())
     held |= {i for i, status in facts.statuses.items() if status.is_stopped and i in facts.robots}
     if held:
-        noun = "robot" if len(held) == 1 else "robots"
-        text = f"'zteam stop' holds {noun} {format_robot_ids(sorted(held))}: nothing drives"
-        yield problem("stop", f"{text} {'it' if len(held) == 1 else 'them'}", "zteam stop --release")
+        yield problem("stop", f"'zteam stop' holds robot {format_robot_ids(sorted(held))}", "zteam stop --release")
 
 
 def check_readiness(facts: Facts) -> Iterator[Finding]:
@@ -172,20 +164,20 @@ def check_silence(facts: Facts) -> Iterator[Finding]:
 
 
 _SHOWN = 6
-"""Processes of another namespace or router that are named."""
+"""Of a list of any length."""
 
 
 def check_elsewhere(facts: Facts) -> Iterator[Finding]:
     """Whether processes that are missing here run in another namespace, or at another router of this machine."""
     if facts.elsewhere and not facts.nodes:
-        places = [f"{_place(name)}: {_listed(found)}" for name, found in sorted(facts.elsewhere.items())]
+        places = [f"{_place(name)}: {_listed(sorted(found))}" for name, found in sorted(facts.elsewhere.items())]
         text = f"no process is {_place(facts.namespace)}; there are processes {'; '.join(places)}"
         first = min(facts.elsewhere)
         step = f"--namespace {first}" if first else "--namespace '' (and unset ZTEAM_NAMESPACE)"
         yield problem("namespace", text, step)
     tell = note if facts.nodes or facts.elsewhere else problem
     for endpoint, processes in sorted(facts.routers.items()):
-        text = f"another router of this machine, at {endpoint}, has processes: {_listed(processes)}"
+        text = f"another router of this machine, at {endpoint}, has processes: {_listed(sorted(processes))}"
         yield tell("router", text, f"--connect {endpoint} (or export ZTEAM_CONNECT={endpoint})")
 
 
@@ -193,20 +185,18 @@ def _place(namespace: str) -> str:
     return f"in the namespace {namespace!r}" if namespace else "outside of namespaces"
 
 
-def _listed(found: Sequence[str]) -> str:
-    items = sorted(found)
+def _listed(items: Sequence[str], gap: str = ", ") -> str:
     more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
-    return ", ".join(items[:_SHOWN]) + more
+    return gap.join(items[:_SHOWN]) + more
 
 
 def check_processes(facts: Facts) -> Iterator[Finding]:
     """One finding per kind of process, and one for each of some names whose process does not answer."""
     findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.optional]
     yield from (finding for finding in findings if finding.good or finding.next_step)
-    silent = Counter(node.name for node in facts.nodes if not node.pid)
-    for name, count in sorted(silent.items())[:_SHOWN]:
-        times = f" ({count} sessions hold the name)" if count > 1 else ""
-        text = f"{name} is alive but does not answer{times}: it is stopped (Ctrl+Z, SIGSTOP) or hangs"
+    silent = sorted({node.name for node in facts.nodes if not node.pid})
+    for name in silent[:_SHOWN]:
+        text = f"{name} is alive but does not answer: it is stopped (Ctrl+Z, SIGSTOP) or hangs"
         step = "continue it ('fg', 'kill -CONT PID') or end it; its name is free when its lease has run out"
         yield problem("process", text, step)
     if len(silent) > _SHOWN:
@@ -220,9 +210,6 @@ def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:
     if found:
         return ok(kind.title, "alive" if per_robot is None else ", ".join(found))
     text = f"no process {kind.name}" if per_robot is None else "none"
-    if kind.name == names.AGGREGATOR:
-        pairs = [f"robot_{i} follows robot_{s.leader}" for i, s in sorted(facts.statuses.items()) if s.leader >= 0]
-        text += f": {', '.join(pairs)} and cannot without transforms" if pairs else ""
     # A team of fewer robots than the world has would leave some of them without GO.
     in_world = len(facts.sim.robots) if facts.sim else 0
     step = kind.hint.format(robots=max(1, len(facts.robots), in_world))
@@ -286,10 +273,10 @@ def check_data(facts: Facts) -> Iterator[Finding]:
         return
     silent = [key for key in facts.publishers if is_sensed(key) and key not in facts.writers]
     text = f"data on {counted(len(facts.writers), 'key')}"
-    if silent:
-        rest = f", none on {counted(len(silent), 'key')} of sensors, such as {min(silent)}"
-        text += rest + (": the world stands still" if facts.stands_still else "")
-    yield ok("data", text) if facts.stands_still or not silent else note("data", text)
+    if silent and not facts.stands_still:
+        yield note("data", f"{text}, none on {counted(len(silent), 'key')} of sensors, such as {min(silent)}")
+    else:
+        yield ok("data", text)
     for robot_id in facts.robots if not facts.stands_still else ():
         if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
             # Only where a simulator answers, and has this robot, is there anything to guess.
@@ -314,22 +301,18 @@ def check_writers(facts: Facts) -> Iterator[Finding]:
 
 HISTORY_AFTER = 60.0
 """Host seconds without a further refusal after which its cause counts as mended."""
-_SHOWN_REFUSALS = 5
-"""Refusals of the past that are listed."""
 
 
 def is_recent(count: KeyCount) -> bool:
-    """Whether messages are refused now; a process that tells no age is an older zteam, and is believed to refuse."""
-    return count.dropped > 0 and (count.last_drop_age is None or count.last_drop_age < HISTORY_AFTER)
+    """Whether messages are refused now."""
+    return count.dropped > 0 and (count.last_drop_age or 0.0) < HISTORY_AFTER
 
 
 def format_refusals(count: KeyCount) -> str:
     """`3 refused, the last one 12 s ago: <reason>`."""
     if not count.dropped:
         return "none refused"
-    if count.last_drop_age is None:
-        return f"{count.dropped} refused"
-    last, age = "" if count.dropped == 1 else "the last one ", count.last_drop_age
+    last, age = "" if count.dropped == 1 else "the last one ", count.last_drop_age or 0.0
     shown = f"{age:.0f} s" if age < 120.0 else f"{age / 60:.0f} min" if age < 7200.0 else f"{age / 3600:.0f} h"
     return f"{count.dropped} refused, {last}{shown} ago: {count.last_drop_reason}"
 
@@ -363,9 +346,7 @@ def check_refusals(facts: Facts) -> Iterator[Finding]:
         yield problem("refusals", f"{key}: {name}: {format_refusals(count)}", step)
     past = [f"{key} by {name} ({format_refusals(count)})" for key, name, count in rows if not is_recent(count)]
     if past:
-        more = f", and {len(past) - _SHOWN_REFUSALS} more" if len(past) > _SHOWN_REFUSALS else ""
-        shown = "; ".join(past[:_SHOWN_REFUSALS])
-        yield note("refusals", f"none within {HISTORY_AFTER:g} s; before: {shown}{more}")
+        yield note("refusals", f"none within {HISTORY_AFTER:g} s; before: {_listed(past, '; ')}")
 
 
 _MOST_ON_A_KEY = 500.0
@@ -393,34 +374,15 @@ def check_floods(facts: Facts) -> Iterator[Finding]:
 def check_strangers(facts: Facts) -> Iterator[Finding]:
     """Sessions that are none of zteam's. What the router drops of them, such as large messages, shows nowhere else."""
     if facts.strangers:
-        shown = [*facts.strangers[:_SHOWN], *(["…"] if len(facts.strangers) > _SHOWN else [])]
         count = counted(len(facts.strangers), "session")
-        yield note("sessions", f"{count} at the router of programs that are none of zteam's: {'; '.join(shown)}")
-
-
-_HARMLESS = CLOCKS_APART + 0.5 * LATE
-"""Seconds between two clocks that do not make a command late."""
-_SET_CLOCKS = "let one time server (NTP) set the clocks of both"
-
-
-def check_clocks(facts: Facts) -> Iterator[Finding]:
-    """Hosts whose clock differs; a second does no harm to a team, but lines of its logs do not fit together."""
-    for host, clock in sorted(facts.clocks.items()):
-        if abs(clock.ahead) - clock.error > APART:
-            side = "ahead of" if clock.ahead > 0.0 else "behind"
-            bound = f"within {1e3 * clock.error:.1f} ms"
-            text = f"the clock of {host} is {abs(clock.ahead):.2f} s {side} this host's ({bound})"
-            if abs(clock.ahead) <= _HARMLESS:
-                yield note("clocks", f"{text}: only their logs do not fit together", _SET_CLOCKS)
-            else:
-                yield problem("clocks", f"{text}: commands may count as late", _SET_CLOCKS)
+        shown = _listed(facts.strangers, "; ")
+        yield note("sessions", f"{count} at the router of programs that are none of zteam's: {shown}")
 
 
 _CHECKS = (
     check_processes,
     check_floods,
     check_strangers,
-    check_clocks,
     check_world,
     check_robots_of_world,
     check_followers,

@@ -1,16 +1,20 @@
 """The monitor process: the start gate and the team's health, shown to a user or as JSON lines."""
 
 import logging
+import math
 from contextlib import nullcontext
 
+import msgspec
+
 from zteam import names
+from zteam.bus.presence import ProcessInfo, find_processes
+from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
+from zteam.errors import UsageError
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.monitor.process.display import TeamDisplay, showing
+from zteam.monitor.process.display import Lines, TeamDisplay, showing
 from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import Lines
-from zteam.monitor.process.view import run_view
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.lockstep import Ticks
 from zteam.node.process_node import ProcessNode
@@ -24,8 +28,7 @@ class Monitor:
     """The gate on the bus. Callbacks run under `node.changed`."""
 
     def __init__(self, node: ProcessNode, options: MonitorOptions) -> None:
-        self._node = node
-        self._options = options
+        self._node, self._options = node, options
         self.gate = Gate(options.ids, options.team_size)
         self._published: TeamStatus | None = None
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
@@ -83,11 +86,45 @@ class Monitor:
             self._publisher.put(status)
 
 
-def describe_team(options: MonitorOptions) -> str:
-    """The robots that GO waits for, in words."""
-    if options.ids is None:
-        return counted(options.team_size, "robot")
-    return f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
+LOOK_FOR = 1.0
+"""Host seconds in which a running monitor has to answer, and then to say what it waits for."""
+
+
+def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
+    end = monotonic() + LOOK_FOR
+    while not node.stopping:
+        if answers := find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR):
+            return answers[0]
+        if monotonic() > end:
+            return None
+        # A session that was just opened may not reach the other processes yet.
+        node.wait(lambda: False, 0.1)
+    return None
+
+
+def run_view(node: ProcessNode, options: MonitorOptions) -> None:
+    """Show the running monitor's team. Raises UsageError if none runs."""
+    # It answers no query as the monitor, and its log is not the monitor's.
+    node.claim.release()
+    info = _find_monitor(node)
+    if info is None:
+        raise UsageError(
+            "no monitor is running: give the number of robots to wait for (--team-size 4) or their ids (--ids 0 1 2 3)"
+        )
+    log.info(
+        "a monitor is running already (process %d on %s, for %.0f s): this shows its team; Ctrl+C ends this view only",
+        info.pid, info.host, info.age,
+    )  # fmt: skip
+    if options.table is None and not options.exit_on_go:
+        # Where there is no terminal the table is shown at least once: it is what was asked for.
+        options = msgspec.structs.replace(options, table=math.inf)
+    team = Gate(None, 1)
+    watch = TeamWatch(node, team)
+    watch.on(names.TEAM_STATUS, lambda _key, status: team.follow(status))
+    with showing(options) as output:
+        # A table without the running monitor's robots would say nothing.
+        node.wait(lambda: team.followed is not None, LOOK_FOR)
+        TeamDisplay(node, team, watch, options, output).run()
 
 
 def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None = None) -> None:
@@ -101,6 +138,9 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    log.info("start gate: waiting for %s, then GO", describe_team(options))
+    awaited = counted(options.team_size, "robot")
+    if options.ids is not None:
+        awaited = f"{'robots' if len(options.ids) > 1 else 'robot'} {format_robot_ids(options.ids)}"
+    log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

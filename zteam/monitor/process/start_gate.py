@@ -1,11 +1,14 @@
-"""The start gate's logic, without a bus: which robots are ready, and whether the team may go.
+"""The start gate's logic, without a bus: the robots that it knows, which are ready, and whether the team may go.
 
 The monitor feeds it with tokens and statuses and publishes what `status` returns. GO is given once and never taken
 back; a monitor that starts in the middle of a run adopts the GO that the robots obey.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from zteam import names
@@ -13,8 +16,98 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import short
 from zteam.messages import Header, RobotState, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.monitor.followers import FollowProblem, follow_problems
-from zteam.monitor.process.members import SILENT_AFTER, Event, KnownRobot
 from zteam.simulator.client import absence_text
+
+SILENT_AFTER = 3.0
+"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
+time stood still for as long gets no data."""
+_WHILE = 10.0
+"""Host seconds within which events of one kind are counted."""
+_MOST_EVENTS = 8
+"""Of one kind and robot that are shown within a while."""
+_MOST_OF_STRANGERS = 16
+"""As many of all robots that do not count."""
+
+
+class Event(NamedTuple):
+    """Something to tell: `robot` is None for the team as a whole."""
+
+    kind: str
+    robot: int | None
+    text: str
+
+    @property
+    def sentence(self) -> str:
+        return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
+
+
+class EventLimit:
+    """Which events are shown. Any process can make events, with forged statuses and names of robots that it invents.
+
+    Of one kind and robot a few are shown within a while. Robots that do not count share theirs.
+    """
+
+    def __init__(self) -> None:
+        self._made = Counter[tuple[str, int | None]]()
+        """By kind and robot, within the while that ends at host time `_until`."""
+        self._until = 0.0
+
+    def admit(self, event: Event, counts: bool, now: float) -> Event | None:
+        """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
+        known = event.robot is None or counts
+        key, most = (event.kind, event.robot if known else -1), _MOST_EVENTS if known else _MOST_OF_STRANGERS
+        if now >= self._until:
+            self._made.clear()
+            self._until = now + _WHILE
+        self._made[key] += 1
+        if self._made[key] == most:
+            return event._replace(text=f"{event.text} (further lines of this kind are left out for {_WHILE:g} s)")
+        return event if self._made[key] < most else None
+
+
+class KnownRobot(msgspec.Struct):
+    """What is known of one robot."""
+
+    alive: bool = False
+    """Whether a process holds the robot's name."""
+    status: RobotStatus | None = None
+    heard: float = 0.0
+    """Host time of the last status."""
+    moved: float = 0.0
+    """Host time of the last status with another stamp than the one before."""
+    was_ready: bool = False
+    was_lost: bool = False
+    told_go: bool = False
+    came_late: bool = False
+    """Whether its process came after GO."""
+    silent: bool = False
+    stopped: bool = False
+    """Whether it said that it stops before it went."""
+    absence: str = ""
+    """That the world lacks it, in words; empty while nothing is known of that."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it lives, answers and says it is ready."""
+        return self.alive and not self.silent and self.status is not None and self.status.is_ready
+
+    @property
+    def why_not_ready(self) -> str:
+        if self.absence:
+            return self.absence
+        if not self.alive:
+            return "its process is gone" if self.was_lost else "no process yet"
+        if self.silent:
+            return "does not answer"
+        if self.status is None:
+            return "no status yet"
+        text = short(self.status.text) or "not ready yet"
+        return f"fault: {text}" if self.status.state == RobotState.FAULT else text
+
+    def falls_silent(self, now: float) -> bool:
+        """Whether it lives and sends no further status."""
+        return self.status is not None and self.alive and not self.silent and now - self.heard > SILENT_AFTER
+
 
 _SETTLED = 1.0
 """Host seconds until all processes and statuses that are there are known."""
@@ -32,7 +125,7 @@ class Gate:
     def __init__(self, expected: Iterable[int] | None, team_size: int) -> None:
         self.members: dict[int, KnownRobot] = {}
         """All robots that had a process or are waited for, by id."""
-        self._events: list[Event] = []
+        self.events: list[Event] = []
         self._tick = -1
         """Of the simulator, when it was asked last."""
         self._ticked = 0.0
@@ -54,6 +147,8 @@ class Gate:
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
+        self.followed: TeamStatus | None = None
+        """What the running monitor said last, where this one only shows its team."""
         if expected is not None:
             self.expect(expected)
 
@@ -72,14 +167,10 @@ class Gate:
         return self.members.setdefault(robot_id, KnownRobot())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
-        self._events.append(Event(kind, robot, short(text)))
-
-    @property
-    def has_events(self) -> bool:
-        return bool(self._events)
+        self.events.append(Event(kind, robot, short(text)))
 
     def take_events(self) -> list[Event]:
-        events, self._events = self._events, []
+        events, self.events = self.events, []
         return events
 
     @property
@@ -153,10 +244,8 @@ class Gate:
         if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
             del self.members[robot_id]
 
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
-        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if status.robot_id != robot_id:
-            return False
+    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> None:
+        """A robot's status, heard at host time `now`."""
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now
         if before is None or before.header.stamp != status.header.stamp:
@@ -175,7 +264,6 @@ class Gate:
             self.tell("ready", robot_id, f"ready ({done}; waiting for {awaited})" if awaited else f"ready ({done})")
         elif not member.ready:
             member.was_ready = False
-        return True
 
     def forgive_silence(self, now: float) -> None:
         """Nothing could be heard until `now`: silence counts from here on."""
@@ -225,6 +313,22 @@ class Gate:
             member.told_go = member.ready
         self.tell("go", None, "All robots GO!")
         return True
+
+    def follow(self, status: TeamStatus) -> None:
+        """Take over what the running monitor says: it decides which robots GO waits for, and when it is out."""
+        before, self.followed, self._adopted = self.followed, status, True
+        self.gone, self.epoch, self.team_size = status.state == TeamState.GO, status.epoch, status.team_size
+        ids = sorted({*status.ready.tolist(), *status.missing.tolist()})
+        self.expected = ids if self.gone or status.missing.size else None
+        for member in map(self.get, ids):
+            member.told_go = self.gone
+        ready = f"{status.ready.size} of {status.team_size} ready"
+        if not self.gone:
+            self.tell("status", None, f"{ready}; waiting for {status.waiting_for or self.waiting_for()}")
+        elif before is not None and before.state != TeamState.GO:
+            self.tell("go", None, "All robots GO!")
+        else:
+            self.tell("status", None, f"GO is out; {ready}")
 
     def _next_epoch(self) -> None:
         self.epoch = min(self.epoch + 1, _LAST_EPOCH)

@@ -1,11 +1,11 @@
 """Feeds a team from the bus: statuses, the holders of the names, the link, and which processes command a robot."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from zteam import names
-from zteam.bus.graph import tell_rivals
+from zteam.bus.graph import name_publishers
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
@@ -29,21 +29,9 @@ _ANSWER_LIMIT = 0.5
 """Host seconds that a look waits for the simulator; the gate waits meanwhile."""
 
 
-def _text(key: str, writers: Sequence[str]) -> str:
-    """What is told of the robot of a key with these publishers; without any it has one again."""
-    topic = key.partition("/")[2]
-    if topic == names.CMD_VEL:
-        by = f"{len(writers)} processes: {', '.join(writers)}" if writers else "one process again"
-        text = f"is commanded by {by}"
-    else:
-        text = f"has {f'{len(writers)} publishers' if writers else 'one publisher again'} on {topic}"
-        text += f": {', '.join(writers)}" if writers else ""
-    return f"{text} (see 'zteam topic info {key}')" if writers else text
-
-
 class WriterWatch:
     """Tells of robots that more than one process commands, or is the base of, and the team which robots the simulator
-    has. The processes themselves are told too.
+    has.
 
     The simulator reports which ones command: a subscription to all commands would slow down every tick of lock-step.
     Where there is no simulator, the watch subscribes to the commands itself. Of all keys that have one publisher at a
@@ -51,16 +39,13 @@ class WriterWatch:
     """
 
     def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
-        self._node = node
-        self._team = team
-        self._seen = seen
-        self._due = Every(LOOK)
+        self._node, self._team, self._seen = node, team, seen
+        self._due, self._ask_all = Every(LOOK), Every(ASK_ALL)
+        self._ask_all.due()
         self._told: dict[str, list[str]] = {}
         """By key: the sessions that publish on it, where there is more than one."""
         self._published: dict[str, list[str]] = {}
         """As of the last question to all sessions."""
-        self._ask_all = Every(ASK_ALL)
-        self._ask_all.due()
         self._heard: Writers | None = None
         """Of commands, where there is no simulator."""
         self.sim: SimStatus | None = None
@@ -118,14 +103,17 @@ class WriterWatch:
                 self._heard.take(target[0], sample.source, monotonic())
 
     def _tell(self, found: dict[str, list[str]]) -> None:
-        texts = []
-        for key, sessions in found.items():
-            if self._told.get(key) != sessions:
-                texts.append((key, _text(key, tell_rivals(self._node.bus, key, sessions))))
-        texts += ((key, _text(key, ())) for key in self._told.keys() - found.keys())
+        texts = {}
+        for key in sorted({*found, *self._told}):
+            topic, sessions = key.partition("/")[2], found.get(key, [])
+            if not sessions:
+                texts[key] = f"has one publisher again on {topic}"
+            elif self._told.get(key) != sessions:
+                told = name_publishers(self._node.bus, key, sessions)
+                texts[key] = f"has {len(told)} publishers on {topic}: {', '.join(told)} (see 'zteam topic info {key}')"
         self._told = found
         with self._node.changed:
-            for key, text in texts:
+            for key, text in texts.items():
                 self._team.tell("writers", names.robot_id_of(key.partition("/")[0]), text)
 
     def notes(self) -> list[str]:
@@ -149,11 +137,9 @@ class TeamWatch:
     """
 
     def __init__(self, node: ProcessNode, team: Gate) -> None:
-        self._node = node
-        self._team = team
+        self._node, self._team = node, team
         self._seen = TeamObserver(node.bus)
         self._losses = TokenLossFilter()
-        self._servers: set[str] = set()
         self.servers_gone: dict[str, str] = {}
         """Those processes that were there and are gone, by name: what that means, in words."""
         self._woke = FREEZES.look()
@@ -204,16 +190,13 @@ class TeamWatch:
             self._team.take_token(robot_id, alive)
             if is_new and (status := self._seen.robot(robot_id).status):
                 self._team.take_status(robot_id, status, monotonic())
-        elif alive and name not in self._servers:
-            self._servers.add(name)
-            if self.servers_gone.pop(name, ""):
-                self._team.tell("process", None, f"{_SERVERS[name][0]} is back")
         elif not alive:
-            self._servers.discard(name)
             self.servers_gone[name] = "{} is gone: {}".format(*_SERVERS[name])
             self._team.tell("process", None, self.servers_gone[name])
             if name == names.SIMULATOR:
                 self._team.take_world(None)
+        elif self.servers_gone.pop(name, ""):
+            self._team.tell("process", None, f"{_SERVERS[name][0]} is back")
 
     def _on_status(self, robot: RobotView, status: RobotStatus) -> None:
         if status.robot_id != robot.id:
@@ -250,13 +233,14 @@ class TeamWatch:
         found += self.writers.notes()
         if why := self._why_time_stands():
             found.append(why)
-        if names.AGGREGATOR not in self._servers and names.AGGREGATOR not in self.servers_gone:
+        if names.AGGREGATOR not in self._seen.were_there:
             found.append("no aggregator yet (zteam-tf): poses are not known")
         return found
 
     def _why_time_stands(self) -> str:
         """What a simulator that is there says of that, or that it does not answer."""
-        if names.SIMULATOR not in self._servers or not self._seen.link_up:
+        is_there = names.SIMULATOR in self._seen.were_there and names.SIMULATOR not in self.servers_gone
+        if not is_there or not self._seen.link_up:
             return ""
         sim = self.writers.sim
         if sim is None:

@@ -7,7 +7,7 @@ from zteam import names
 from zteam.clock import monotonic, to_ns
 from zteam.config.fault import Fault
 from zteam.errors import UsageError
-from zteam.monitor.motion import Motion
+from zteam.monitor.observer import Motion
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.carry_out import Outcome, Watchdog, carry_out
 from zteam.team.chaos.means import Means, strike

@@ -7,7 +7,7 @@ import pytest
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.monitor.process import display, watch
-from zteam.monitor.process.table import Lines
+from zteam.monitor.process.display import Lines
 from zteam.node.process_options import MonitorOptions
 
 

@@ -8,7 +8,7 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import FREEZES
 from zteam.monitor.process import watch
-from zteam.monitor.process.members import SILENT_AFTER
+from zteam.monitor.process.start_gate import SILENT_AFTER
 from zteam.simulator.client import SimStatus
 
 SCENARIOS: dict[str, tuple[list[str | float], list[tuple[str, int | None]]]] = {

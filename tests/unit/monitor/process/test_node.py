@@ -14,9 +14,8 @@ from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
 from zteam.monitor.process import watch
-from zteam.monitor.process.display import LEAVE_AFTER
-from zteam.monitor.process.members import Event
-from zteam.monitor.process.table import Lines
+from zteam.monitor.process.display import LEAVE_AFTER, Lines
+from zteam.monitor.process.start_gate import Event
 from zteam.node.logs import LogKeeper
 
 S = 10**9

@@ -8,8 +8,7 @@ import pytest
 
 from support.gate_feed import BOOT, FAULT, READY, RUNNING, STOPPED, come, status, told
 from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
-from zteam.monitor.process.members import SILENT_AFTER, Event, EventLimit
-from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.start_gate import SILENT_AFTER, Event, EventLimit, Gate
 
 Step = Callable[[Gate], object]
 
@@ -152,16 +151,6 @@ def test_what_is_told(case: str) -> None:
     for step in steps:
         step(gate)
     assert told(gate) == lines
-
-
-def test_no_robot_speaks_for_another() -> None:
-    """A status under another robot's key is refused and changes nothing."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0)
-    gate.take_token(1, True)
-    for robot_id in (0, -1, 2**31 - 1):
-        assert not gate.take_status(1, status(robot_id), 0.0)
-    assert (gate.ready, gate.missing) == ([0], [1])
 
 
 def ids_of(team: TeamStatus) -> list[list[int]]:

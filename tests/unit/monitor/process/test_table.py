@@ -18,10 +18,8 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import display
-from zteam.monitor.process.display import Poses
-from zteam.monitor.process.members import SILENT_AFTER, Event
-from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import JsonLines, Lines, LiveTable, Row, format_table, make_rows, team_notes
+from zteam.monitor.process.display import JsonLines, Lines, LiveTable, Poses, Row, format_table, make_rows, team_notes
+from zteam.monitor.process.start_gate import SILENT_AFTER, Event, Gate
 from zteam.node.launcher import Restarted
 from zteam.node.live_line import LiveLine
 from zteam.node.process_node import ProcessNode
@@ -55,7 +53,7 @@ def reasons(gate: Gate, now: float = 10.0) -> list[str]:
 
 def lines_of(rows: list[Row], notes: tuple[str, ...] = (), width: int = 80) -> list[str]:
     """The table's lines."""
-    return [line.text for line in format_table(rows, notes, width)]
+    return [text for text, _ in format_table(rows, notes, width)]
 
 
 def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:

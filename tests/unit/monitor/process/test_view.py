@@ -15,9 +15,10 @@ from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.errors import UsageError
 from zteam.messages import RobotState, TeamState, TeamStatus
-from zteam.monitor.process import display, view
+from zteam.monitor.process import display
+from zteam.monitor.process import node as module
 from zteam.monitor.process.node import run_monitor
-from zteam.monitor.process.view import FollowedTeam
+from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.shutdown import Stop
@@ -125,7 +126,7 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
 
 def test_without_a_monitor_there_is_nothing_to_show(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says how to be the monitor."""
-    monkeypatch.setattr(view, "LOOK_FOR", 0.0)
+    monkeypatch.setattr(module, "LOOK_FOR", 0.0)
     node = ProcessNode(names.MONITOR, hub.bus(), Stop())
     with pytest.raises(UsageError):
         run_monitor(node, MonitorOptions(0))
@@ -133,17 +134,17 @@ def test_without_a_monitor_there_is_nothing_to_show(hub: MemoryHub, monkeypatch:
 
 
 def test_go_and_its_epoch_are_the_running_monitors() -> None:
-    """Robots that run give no GO, and another simulator no epoch: the status that comes has both."""
-    team = FollowedTeam()
+    """Its status has both, whatever robots and simulators do; a robot that was ready before GO is not late."""
+    team = Gate(None, 1)
     # A monitor of an older version has no words for what it waits for.
-    team.take_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
-    come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
-    assert not team.gone
+    team.follow(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
+    come(team, 1)
     for epoch, session in ((1, "one"), (2, "two")):
-        team.take_team(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
-        team.take_simulator(frozenset({session}))
+        team.follow(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
+        come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
         assert (team.epoch, team.all_running()) == (epoch, epoch == 1)
-    assert [event.text for event in team.take_events()] == [
+        team.take_simulator(frozenset({session}))
+    assert [event.text for event in team.take_events() if event.kind in ("status", "go", "late")] == [
         "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet",
         "All robots GO!",
         "GO is out; 2 of 2 ready",
