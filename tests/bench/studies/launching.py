@@ -40,7 +40,7 @@ class Launch:
 
     def start(self, name: str, *command: str, environment: Mapping[str, str] = {}) -> Process:
         """Start a command of zteam."""
-        return self.supervisor.start(name, zteam_command(*command), environment)
+        return self.supervisor.start_job(name, Job(zteam_command(*command), environment))
 
     def start_router(self, certificates: Path | None = None) -> str:
         """Start a router, with a folder of certificates over TLS; its endpoint. Raises ZteamError."""

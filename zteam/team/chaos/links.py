@@ -61,11 +61,9 @@ class Link:
         self.changed = self._loop.create_future()
 
     async def serve(self) -> None:
-        """Accept connections and pass them on. During a cut new ones wait in the system."""
+        """Accept connections and pass them on."""
         with self._listener:
             while True:
-                while self.up.stalled:
-                    await asyncio.wait([self.changed])
                 try:
                     near, _ = await self._loop.sock_accept(self._listener)
                 except OSError as error:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import msgspec
@@ -196,13 +197,13 @@ class LaunchPlan(msgspec.Struct):
 
 def stop_order(processes: Iterable[str]) -> list[list[str]]:
     """These processes in groups; each group is stopped after the one before it has ended."""
-    ranks = sorted({kind.stop_rank for kind in kinds.KINDS})
-    groups: dict[int, list[str]] = {rank: [] for rank in ranks}
-    for name in processes:
+
+    def rank(name: str) -> int:
         kind = kinds.kind_of(name)
         # A user's own process may drive a robot, so it stops with the robots.
-        groups[kind.stop_rank if kind else ranks[0]].append(name)
-    return list(groups.values())
+        return 0 if kind is None else kind.stop_rank
+
+    return [[*group] for _, group in groupby(sorted(processes, key=rank), rank)]
 
 
 def plan_team(launch: TeamLaunch) -> LaunchPlan:

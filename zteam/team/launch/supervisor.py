@@ -156,17 +156,12 @@ class Member(Protocol):
 class Supervisor:
     """Members of a team by name. When this process ends, its children read the end of their links and stop."""
 
-    def __init__(
-        self,
-        on_line: Callable[[str, str], None],
-        on_failure: Callable[[Member, Again], None] = lambda _member, _again: None,
-        start_child: StartChild = spawn,
-    ) -> None:
-        """`on_failure(member, again)`: it has failed, and whether it is started again."""
+    def __init__(self, on_line: Callable[[str, str], None], start_child: StartChild = spawn) -> None:
         # Before there is a thread for the lines of each member.
         share_arenas()
         self._on_line = on_line
-        self.on_failure = on_failure
+        self.on_failure: Callable[[Member, Again], None] = lambda _member, _again: None
+        """`on_failure(member, again)`: it has failed, and whether it is started again."""
         self._start_child = start_child
         self.members: dict[str, Member] = {}
         self.changed = threading.Condition()
@@ -189,12 +184,8 @@ class Supervisor:
         """The members that are processes."""
         return {name: member for name, member in list(self.members.items()) if isinstance(member, Process)}
 
-    def start(self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None) -> Process:
-        """Start a process. It replaces one of the same name, which is killed first if it still runs."""
-        return self.start_job(name, Job(command, environment or {}))
-
     def start_job(self, name: str, job: Job) -> Process:
-        """As `start`. Raises ZteamError if the command cannot be started."""
+        """Start a process. Raises ZteamError if the command cannot be started."""
         # A restart that waits for its time would replace the new process.
         self.restarts.cancel([name])
         self._jobs[name] = job
@@ -266,16 +257,17 @@ class Supervisor:
 
     def _take_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)
-        self._notify()
+        self.wake()
 
     def _take_report(self, process: Process, report: Report) -> None:
         job = self._jobs[process.name]
         if job.learn is not None and (learned := job.learn(job, report)) is not None:
             self._jobs[process.name] = learned
             self.restarts.note_start(process.name, learned.restarts)
-        self._notify()
+        self.wake()
 
-    def _notify(self) -> None:
+    def wake(self) -> None:
+        """Have what waits look again."""
         with self.changed:
             self.changed.notify_all()
 

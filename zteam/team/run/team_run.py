@@ -46,7 +46,7 @@ _LAST_WORDS = 1.0
 class RunState(Enum):
     """How far a run is."""
 
-    NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
+    NEW, OPEN, STOPPING, ENDED = range(4)
 
 
 class TeamRun:
@@ -89,7 +89,7 @@ class TeamRun:
         """Of what it holds on the bus, and then of the members."""
         self._ends.callback(members.close)
         self.supervisor.on_failure = self._on_failure
-        self._stop.on_request(self._wake)
+        self._stop.on_request(self.supervisor.wake)
         if launch is not None:
             self.plan_for(launch)
 
@@ -112,11 +112,9 @@ class TeamRun:
         """Have a router and a session, before there are members."""
         self.members.open()
         self._connected()
-        self.state = RunState.OPEN
 
     def start(self) -> None:
         """Start the members."""
-        self.state = RunState.STARTING
         self.members.start(self._connected)
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
@@ -129,9 +127,8 @@ class TeamRun:
             means = Means(self.signals.send, self.members.change_link)
             self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
             self._ends.callback(self._end_faults)
-        self.state = RunState.RUNNING
         if self._stop.requested:
-            self._wake()
+            self.supervisor.wake()
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
         """Start a robot's process, which the team does not need, as the team's own were started; its name."""
@@ -154,9 +151,10 @@ class TeamRun:
         """There is a session now. Raises BusError if another team is there."""
         bus, tools = self.members.bus, self.members.tools_bus
         assert bus is not None
+        self.state = RunState.OPEN
         if self._is_launcher:
             self._observer = TeamObserver(bus)
-            self._progress = Progress(self._observer, self.launch.has_end, self._wake, self._since_start)
+            self._progress = Progress(self._observer, self.launch.has_end, self.supervisor.wake, self._since_start)
             self._ends.callback(self._progress.close)
             self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts.counts))
             if tools is not None:
@@ -165,14 +163,10 @@ class TeamRun:
         if tools is not None:
             self.signals.serve(tools)
 
-    def _wake(self) -> None:
-        with self.supervisor.changed:
-            self.supervisor.changed.notify_all()
-
     def hurry(self) -> None:
         """Kill what does not stop at once: the user asked a second time."""
         self._hurry = True
-        self._wake()
+        self.supervisor.wake()
 
     def _on_failure(self, member: Member, again: Again) -> None:
         log_failure(member.name, member.exit_code, again)

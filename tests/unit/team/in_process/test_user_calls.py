@@ -13,7 +13,7 @@ from zteam.bus.memory import HubReceiver
 from zteam.node import working
 from zteam.node.working import StepWatch, working_for
 from zteam.team.in_process import user_calls
-from zteam.team.in_process.delivery import Delivery
+from zteam.team.in_process.bridge import Delivery
 from zteam.team.in_process.user_calls import CallWatch, end_user_calls
 from zteam.team.launch.plan import Pace
 

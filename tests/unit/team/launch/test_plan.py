@@ -77,10 +77,10 @@ def test_processes_start_and_stop_in_order() -> None:
 
 
 def test_a_team_of_real_robots_has_no_simulator() -> None:
-    """The other processes are the same, and the simulator's group of the stop order is empty."""
+    """The other processes are the same, and stop in the same order."""
     plan = plan_of(world=None)
     assert list(plan.own) == ["tf", "monitor", *ROBOTS]
-    assert order_of(plan)[2] == []
+    assert order_of(plan) == [ROBOTS, ["tf", "monitor"], ["router"]]
 
 
 def test_nodes_are_jobs_that_stop_with_the_robots() -> None:

@@ -49,10 +49,8 @@ class Watched(Supervisor):
         self.heard: list[tuple[str, str]] = []
         self.failed: list[tuple[str, bool]] = []
         """Names, and whether they counted as ended then."""
-        super().__init__(
-            lambda name, line: self.heard.append((name, line)),
-            lambda process, _again: self.failed.append((process.name, process.name in self.ended)),
-        )
+        super().__init__(lambda name, line: self.heard.append((name, line)))
+        self.on_failure = lambda process, _again: self.failed.append((process.name, process.name in self.ended))
 
     def run(self, name: str, code: str, *, restarts: bool = False) -> Process:
         """Start a Python text; return when it has written its first line."""
@@ -135,7 +133,7 @@ def test_the_name_stands_for_the_newest_process(supervisor: Watched) -> None:
 def test_children_get_the_environment_asked_for(supervisor: Watched) -> None:
     """The given variables reach the child, besides those of this process."""
     code = "import os; print(os.environ['ZTEAM_NAMESPACE'], 'PATH' in os.environ)"
-    supervisor.start("a", [sys.executable, "-c", code], {"ZTEAM_NAMESPACE": "t1"})
+    supervisor.start_job("a", Job([sys.executable, "-c", code], {"ZTEAM_NAMESPACE": "t1"}))
     assert supervisor.wait(lambda: bool(supervisor.heard), LIMIT)
     assert supervisor.heard == [("a", "t1 True")]
 
@@ -150,8 +148,8 @@ def test_measuring_covers_every_process(supervisor: Watched) -> None:
 SUPERVISED = f"""
 import os, signal, sys
 from zteam.team.launch.supervisor import Again, Job, Supervisor
-supervisor = Supervisor(lambda name, line: print(name, line, flush=True), lambda process, delay: None)
-child = supervisor.start("child", [sys.executable, "-c", {OWN!r}])
+supervisor = Supervisor(lambda name, line: print(name, line, flush=True))
+child = supervisor.start_job("child", Job([sys.executable, "-c", {OWN!r}]))
 supervisor.wait(lambda: bool(child.lines), {LIMIT})
 print("pid", child.pid, flush=True)
 signal.pause()
@@ -194,7 +192,7 @@ def test_a_failing_listener_does_not_hide_an_end() -> None:
         raise BrokenPipeError
 
     with closing(Supervisor(on_line)) as supervisor:
-        supervisor.start("child", [sys.executable, "-c", "print('line'); raise SystemExit(3)"])
+        supervisor.start_job("child", Job([sys.executable, "-c", "print('line'); raise SystemExit(3)"]))
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
 
 
@@ -318,7 +316,7 @@ def hold():
     met.wait()
     met.wait()
 
-supervisor = Supervisor(lambda *_: None, lambda *_: None)
+supervisor = Supervisor(lambda *_: None)
 for _ in range(12):
     threading.Thread(target=hold).start()
 met.wait()

@@ -36,7 +36,7 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
     (start(1, params={0: {"sped": 1.0}}), "robots[0].sped: unknown key (did you mean speed?)"),
     (start(1, behavior="dance", in_process=True), "robots[0].behavior: no behaviour 'dance'"),
     (start([0, 7]), "robots[1].id: the world has no robot 7"),
-    (start(1, nodes={"crowd": start_twice}), "nodes['crowd'] is a function of this process"),
+    (start(1, nodes={"crowd": start_twice}), "nodes['crowd'] is <function start_twice"),
     (start(1, nodes={"crowd": 7}, in_process=True), "nodes['crowd'] is 7"),
     (start(1, nodes={"crowd": "no_such:main"}), "node 'crowd': cannot import no_such"),
     (start(1, nodes={"crowd": "no_such:main"}, in_process=True), "node 'crowd': cannot import no_such"),
