@@ -52,58 +52,6 @@ def after_failure(before: int, ran_for: float) -> Again:
     return Again(DELAYS[in_row - 1] if in_row <= len(DELAYS) else None, in_row)
 
 
-class Restarts:
-    """Starts processes again, each after its delay."""
-
-    def __init__(self, start: Callable[[str], None]) -> None:
-        """`start(name)` is called on a thread of its own, never after `cancel`."""
-        self._start = start
-        self._lock = threading.Lock()
-        self._in_row: dict[str, int] = {}
-        """The failures in a row of each process that is started again."""
-        self._begun: dict[str, float] = {}
-        self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
-        self.counts: dict[str, int] = {}
-        """How often each process was started again."""
-
-    def note_start(self, name: str, restarts: bool) -> None:
-        """The process starts now; with `restarts` it is started again when it has failed."""
-        if restarts:
-            self._in_row.setdefault(name, 0)
-        self._begun[name] = monotonic()
-
-    def take_failure(self, name: str) -> Again:
-        """The process has failed: whether and when it is started again."""
-        with self._lock:
-            if name not in self._in_row:
-                return Again()
-            again = after_failure(self._in_row[name], monotonic() - self._begun[name])
-            self._in_row[name] = again.in_row
-            if again.delay is not None:
-                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
-                timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))  # noqa: TID251
-                timer.name, timer.daemon = f"restart {name}", True
-                timer.start()
-        return again
-
-    def _again(self, name: str) -> None:
-        with self._lock:
-            if self._timers.pop(name, None) is None:
-                return
-            self.counts[name] = self.counts.get(name, 0) + 1
-            # With the lock: `cancel` returns when what it cancels cannot start any more.
-            self._start(name)
-
-    def cancel(self, processes: Iterable[str]) -> None:
-        """Do not start these again."""
-        with self._lock:
-            for name in processes:
-                self._in_row.pop(name, None)
-                timer = self._timers.pop(name, None)
-                if timer is not None:
-                    timer.cancel()
-
-
 def log_failure(name: str, code: int | None, again: Again) -> None:
     """Say that a process has failed, and whether and when it is started again."""
     told = f"{name} ended: {exit_text(code)}"
@@ -153,28 +101,41 @@ class Member(Protocol):
     def join(self, timeout: float) -> bool: ...
 
 
+class _Place(msgspec.Struct, eq=False):
+    """How the member of one name begins, and what becomes of it."""
+
+    begin: Callable[[], Member]
+    job: Job
+    told: str = ""
+    """The last line of its standard input."""
+    in_row: int = 0
+    """Its failures in a row."""
+    begun: float = 0.0
+    """When it was started last, in host time."""
+    timer: threading.Timer | None = None  # noqa: TID251
+    """Starts it again."""
+
+
 class Supervisor:
     """Members of a team by name. When this process ends, its children read the end of their links and stop."""
 
     def __init__(self, on_line: Callable[[str, str], None], start_child: StartChild = spawn) -> None:
         # Before there is a thread for the lines of each member.
         share_arenas()
-        self._on_line = on_line
+        self._on_line, self._start_child = on_line, start_child
         self.on_failure: Callable[[Member, Again], None] = lambda _member, _again: None
         """`on_failure(member, again)`: it has failed, and whether it is started again."""
-        self._start_child = start_child
         self.members: dict[str, Member] = {}
+        self._places: dict[str, _Place] = {}
         self.changed = threading.Condition()
         """Notified when a process writes a line or a report, and when a member is started or ends."""
         self.failures: list[Member] = []
         """Those that ended without being asked to, and are not started again."""
         self.ended: set[str] = set()
         """Names of those that have ended and are not started again."""
-        self._begin: dict[str, Callable[[], Member]] = {}
-        self._may_end: set[str] = set()
-        self._told: dict[str, str] = {}
-        self._jobs: dict[str, Job] = {}
-        self.restarts = Restarts(self._start_after_failure)
+        self.restarts: dict[str, int] = {}
+        """How often each was started again after a failure."""
+        self._restarting = threading.Lock()
         self._closing = threading.Event()
         self._sampler: threading.Thread | None = None
         """None before there is a process."""
@@ -186,33 +147,34 @@ class Supervisor:
 
     def start_job(self, name: str, job: Job) -> Process:
         """Start a process. Raises ZteamError if the command cannot be started."""
-        # A restart that waits for its time would replace the new process.
-        self.restarts.cancel([name])
-        self._jobs[name] = job
-        process = self.start_member(name, partial(self._spawn, name), restarts=job.restarts, may_end=job.may_end)
+        process = self.start_member(name, partial(self._spawn, name), job)
         assert isinstance(process, Process)
         return process
 
-    def start_member(
-        self, name: str, begin: Callable[[], Member], *, restarts: bool = False, may_end: bool = False
-    ) -> Member:
-        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name."""
+    def start_member(self, name: str, begin: Callable[[], Member], job: Job) -> Member:
+        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name. The
+        `job` says whether it may end, and is started again."""
+        # A restart that waits for its time would replace the new member.
+        self._call_restarts_off([name])
+        self._places[name] = _Place(begin, job)
+        return self.restart(name)
+
+    def restart(self, name: str) -> Member:
+        """Start a member again as before, with the line that it was told."""
         if name in self.members:
             self.members[name].stopping = True
             self.members[name].kill()
             self.members[name].join(GRACE)
-        self._begin[name] = begin
         self.ended.discard(name)
-        (self._may_end.add if may_end else self._may_end.discard)(name)
-        self.restarts.note_start(name, restarts)
-        member = begin()
+        self._places[name].begun = monotonic()
+        member = self._places[name].begin()
         with self.changed:
             self.members[name] = member
             self.changed.notify_all()
         return member
 
     def _spawn(self, name: str) -> Process:
-        job = self._jobs[name]
+        place, job = self._places[name], self._places[name].job
         try:
             process = Process(
                 name,
@@ -232,38 +194,23 @@ class Supervisor:
             self._sampler.start()
         if job.words:
             process.write_line(job.words, last=False)
-        if name in self._told:
-            process.write_line(self._told[name])
+        if place.told:
+            process.write_line(place.told)
         return process
-
-    def restart(self, name: str) -> Member:
-        """Start a member again as before, with the line that it was told."""
-        return self.start_member(name, self._begin[name], may_end=name in self._may_end)
 
     def tell(self, name: str, text: str) -> None:
         """Write a line to the standard input of a process, and of those that replace it, then close the input."""
-        self._told[name] = text
+        self._places[name].told = text
         self.processes[name].write_line(text)
-
-    def _start_after_failure(self, name: str) -> None:
-        try:
-            self.restart(name)
-        except ZteamError as error:
-            log.error("%s; it is not started again", error)
-            with self.changed:
-                self.failures.append(self.members[name])
-                self.ended.add(name)
-                self.changed.notify_all()
 
     def _take_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)
         self.wake()
 
     def _take_report(self, process: Process, report: Report) -> None:
-        job = self._jobs[process.name]
-        if job.learn is not None and (learned := job.learn(job, report)) is not None:
-            self._jobs[process.name] = learned
-            self.restarts.note_start(process.name, learned.restarts)
+        place = self._places[process.name]
+        if place.job.learn is not None and (learned := place.job.learn(place.job, report)) is not None:
+            place.job = learned
         self.wake()
 
     def wake(self) -> None:
@@ -274,8 +221,9 @@ class Supervisor:
     def take_end(self, member: Member) -> None:
         """A member has ended."""
         name, code = member.name, member.exit_code
-        failed = not member.stopping and not (code == 0 and name in self._may_end)
-        again = self.restarts.take_failure(name) if failed and code not in _FINAL else Again()
+        place = self._places[name]
+        failed = not member.stopping and not (code == 0 and place.job.may_end)
+        again = self._restart_later(name, place) if failed and code not in _FINAL else Again()
         if failed:
             # First: what waits for the end finds the reason there.
             self.on_failure(member, again)
@@ -286,6 +234,44 @@ class Supervisor:
                     self.failures.append(member)
             self.changed.notify_all()
 
+    def _restart_later(self, name: str, place: _Place) -> Again:
+        """A member has failed: whether and when it is started again."""
+        with self._restarting:
+            if not place.job.restarts:
+                return Again()
+            again = after_failure(place.in_row, monotonic() - place.begun)
+            place.in_row = again.in_row
+            if again.delay is not None:
+                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
+                timer = place.timer = threading.Timer(again.delay, self._restart_now, (name, place))  # noqa: TID251
+                timer.name, timer.daemon = f"restart {name}", True
+                timer.start()
+        return again
+
+    def _restart_now(self, name: str, place: _Place) -> None:
+        # All of it under the lock: what is called off cannot start any more.
+        with self._restarting:
+            if place.timer is None:
+                return
+            place.timer = None
+            self.restarts[name] = self.restarts.get(name, 0) + 1
+            try:
+                self.restart(name)
+            except ZteamError as error:
+                log.error("%s; it is not started again", error)
+                with self.changed:
+                    self.failures.append(self.members[name])
+                    self.ended.add(name)
+                    self.changed.notify_all()
+
+    def _call_restarts_off(self, names: Iterable[str]) -> None:
+        with self._restarting:
+            for place in filter(None, map(self._places.get, names)):
+                place.job = msgspec.structs.replace(place.job, restarts=False)
+                if place.timer is not None:
+                    place.timer.cancel()
+                    place.timer = None
+
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, checked when `changed` is notified, for at most `timeout` s."""
         with self.changed:
@@ -293,7 +279,7 @@ class Supervisor:
 
     def stop(self, names: Sequence[str], hurry: Callable[[], bool] = lambda: False) -> None:
         """Ask these members to stop, all at once; kill the rest after GRACE, or as soon as `hurry()`."""
-        self.restarts.cancel(names)
+        self._call_restarts_off(names)
         chosen = [self.members[name] for name in names if name in self.members]
         for member in chosen:
             member.terminate()
@@ -307,7 +293,7 @@ class Supervisor:
 
     def close(self) -> None:
         """Kill every process that still runs."""
-        self.restarts.cancel([*self.members])
+        self._call_restarts_off([*self.members])
         for member in self.members.values():
             member.stopping = True
             if member.running:

@@ -156,7 +156,7 @@ class TeamRun:
             self._observer = TeamObserver(bus)
             self._progress = Progress(self._observer, self.launch.has_end, self.supervisor.wake, self._since_start)
             self._ends.callback(self._progress.close)
-            self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts.counts))
+            self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts))
             if tools is not None:
                 self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
                 self._ends.callback(claim_namespace(bus, self._stop).release)
@@ -238,7 +238,7 @@ class TeamRun:
         self._stop_all()
         if report is None or self._progress is None:
             return None
-        restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
+        restarts, children = self.supervisor.restarts, self.supervisor.processes.values()
         rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
         wall = self._progress.wall or self._since_start()
         away = self._recoveries.seconds if self._recoveries is not None else {}

@@ -34,7 +34,7 @@ from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan, Pace, TeamLaunch, options_of
-from zteam.team.launch.supervisor import Supervisor
+from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 
@@ -250,7 +250,7 @@ class Threads:
         In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
         """
         simulator = self._make(names.SIMULATOR)
-        self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
+        self.supervisor.start_member(names.SIMULATOR, lambda: simulator, Job(()))
 
         def run() -> R:
             try:
@@ -281,8 +281,7 @@ class Threads:
             Thread(target=node.run, name=name, daemon=True).start()
             return node
 
-        job = self._plan.own.get(name)
-        self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
+        self.supervisor.start_member(name, begin, self._plan.own.get(name, Job(())))
 
     def _make(self, name: str) -> NodeThread:
         return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)

@@ -49,8 +49,14 @@ class Watched(Supervisor):
         self.heard: list[tuple[str, str]] = []
         self.failed: list[tuple[str, bool]] = []
         """Names, and whether they counted as ended then."""
+        self.again: list[Again] = []
         super().__init__(lambda name, line: self.heard.append((name, line)))
-        self.on_failure = lambda process, _again: self.failed.append((process.name, process.name in self.ended))
+        self.on_failure = self.fail
+
+    def fail(self, process: Member, again: Again) -> None:
+        """One has failed."""
+        self.failed.append((process.name, process.name in self.ended))
+        self.again.append(again)
 
     def run(self, name: str, code: str, *, restarts: bool = False) -> Process:
         """Start a Python text; return when it has written its first line."""
@@ -223,7 +229,7 @@ def test_a_process_that_fails_for_ever_is_given_up(supervisor: Watched) -> None:
     supervisor.run("camera", FAILING, restarts=True)
     assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
     assert [line for name, line in supervisor.heard if name == "camera"] == ["once more", "no camera"] * 3
-    assert supervisor.restarts.counts == {"camera": 2}
+    assert supervisor.restarts == {"camera": 2}
     assert [process.name for process in supervisor.failures] == ["camera"]
     assert supervisor.ended == {"camera"}
     assert other.running
@@ -243,12 +249,14 @@ def test_a_restart_that_waits_is_called_off(supervisor: Watched, monkeypatch: py
     (waits,) = timers()
     if how == "started":
         supervisor.run("robot_0", WAITING, restarts=True)
+        os.kill(supervisor.processes["robot_0"].pid, signal.SIGKILL)
+        assert supervisor.wait(lambda: supervisor.again == [Again(LIMIT, 1)] * 2, LIMIT)
+        supervisor.stop(["robot_0"])
     else:
         supervisor.stop(["robot_0"])
     waits.join(LIMIT / 2)
     assert not waits.is_alive()
-    assert supervisor.restarts.take_failure("robot_0") == (Again(LIMIT, 1) if how == "started" else Again())
-    assert supervisor.restarts.counts == {}
+    assert supervisor.restarts == {}
 
 
 @pytest.mark.usefixtures("soon")
@@ -281,7 +289,7 @@ def test_a_wait_notices_a_new_member(supervisor: Watched) -> None:
     with ThreadPoolExecutor(1) as pool:
         found = pool.submit(supervisor.wait, is_there, LIMIT)
         assert looked.wait(LIMIT)
-        supervisor.start_member("a", lambda: cast(Member, SimpleNamespace(running=False)))
+        supervisor.start_member("a", lambda: cast(Member, SimpleNamespace(running=False)), Job(()))
         assert found.result(LIMIT / 2)
 
 
@@ -301,7 +309,7 @@ def test_a_process_that_was_asked_to_end_is_not_started_again(supervisor: Watche
     assert supervisor.wait(lambda: bool(second.lines), LIMIT)
     second.signal(-number if number < 0 else signal.SIGUSR1)
     assert supervisor.wait(lambda: supervisor.failures == [second], LIMIT)
-    assert (second.exit_code, supervisor.restarts.counts) == (number, {"a": 1})
+    assert (second.exit_code, supervisor.restarts) == (number, {"a": 1})
 
 
 ARENAS = """
