@@ -21,7 +21,8 @@ from zteam.bus.router import RouterMetadata, read_admin, router_log_path
 from zteam.clock import HOST_FACTOR
 from zteam.errors import BusError
 from zteam.messages import Bool
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job
+from zteam.team.launch.supervisor import Supervisor
 
 pytestmark = pytest.mark.team
 

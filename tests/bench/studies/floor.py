@@ -22,7 +22,7 @@ from zteam.cli.bench import figure
 from zteam.cli.bench_team import measure_team
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job
 from zteam.world import load_world
 
 TICK_LIMIT = 2.0 * HOST_FACTOR

@@ -22,8 +22,8 @@ from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
 from zteam.team.launch.plan import MEMBER
-from zteam.team.launch.process import Process, exit_text, zteam_command
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process, exit_text, zteam_command
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.run.report import RunReport
 from zteam.team.security.certificates import ACCESS, files_of
 

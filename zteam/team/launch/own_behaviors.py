@@ -19,8 +19,8 @@ from zteam.errors import UsageError
 from zteam.node.launcher import Report, report
 from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, load_named, look_in
-from zteam.team.launch.process import exit_text
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, exit_text
+from zteam.team.launch.supervisor import Supervisor
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""

@@ -31,8 +31,7 @@ from zteam.node.process_options import (
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.plan import choose_plan
 from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of, static_transform
-from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job, zteam_command
 
 MEMBER = (sys.executable, "-P", "-m", "zteam.team.member")
 """The command of a process of zteam, which reads what it is from its standard input."""

@@ -4,9 +4,8 @@ that have failed. No process outlives the supervisor, however that ends."""
 import logging
 import signal
 import threading
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -16,7 +15,7 @@ from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
 from zteam.node.launcher import Report
-from zteam.team.launch.process import Process, StartChild, exit_text, spawn
+from zteam.team.launch.process import Job, Process, StartChild, exit_text, spawn
 
 log = logging.getLogger("zteam")
 
@@ -61,25 +60,6 @@ def log_failure(name: str, code: int | None, again: Again) -> None:
         log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
     else:
         log.error("%s; it is not started again", told)
-
-
-class Job(msgspec.Struct, frozen=True):
-    """What it takes to start a process, once or again."""
-
-    command: Sequence[str]
-    environment: Mapping[str, str] = {}
-    """Added to this process's."""
-    folder: Path | None = None
-    """Where it runs; None = where this process runs."""
-    words: str = ""
-    """The first line of its standard input."""
-    restarts: bool = False
-    """Whether it is started again when it has failed."""
-    may_end: bool = False
-    """Whether it may end by itself, with exit code 0."""
-    learn: "Callable[[Job, Report], Job | None] | None" = None
-    """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
-    as one with the port that the process has found; None = the same as before."""
 
 
 class Member(Protocol):
@@ -178,24 +158,13 @@ class Supervisor:
     def _spawn(self, name: str) -> Process:
         place, job = self._places[name], self._places[name].job
         try:
-            process = Process(
-                name,
-                job.command,
-                on_line=self._take_line,
-                on_report=self._take_report,
-                on_exit=self.take_end,
-                environment=job.environment,
-                folder=job.folder,
-                start_child=self._start_child,
-            )
+            process = Process(name, job, self._take_line, self._take_report, self.take_end, self._start_child)
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error
             raise ZteamError(f"{name}: cannot start {job.command[0]}: {reason}") from None
         if self._sampler is None:
             self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
             self._sampler.start()
-        if job.words:
-            process.write_line(job.words, last=False)
         if place.told:
             process.write_line(place.told)
         return process

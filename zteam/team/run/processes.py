@@ -20,8 +20,8 @@ from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
 from zteam.team.chaos.means import Wire, no_link
 from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch
-from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process, exit_text
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 

@@ -34,7 +34,8 @@ from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan, Pace, TeamLaunch, options_of
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 

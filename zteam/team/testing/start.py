@@ -13,7 +13,7 @@ from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.team.launch.own_behaviors import Question, asking, find_body
 from zteam.team.launch.plan import MEMBER
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job
 from zteam.team.run.threads import Body
 
 

@@ -40,8 +40,8 @@ from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import Pace, TeamLaunch, command_line, is_own
-from zteam.team.launch.process import Process, zteam_command
-from zteam.team.launch.supervisor import GRACE, Job
+from zteam.team.launch.process import Job, Process, zteam_command
+from zteam.team.launch.supervisor import GRACE
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import RunState, TeamRun

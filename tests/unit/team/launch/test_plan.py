@@ -31,8 +31,7 @@ from zteam.team.file.reading import load_team
 from zteam.team.launch import plan as planning
 from zteam.team.launch.fork_server import PRELOADS
 from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch, options_of, plan_team, robot_job, stop_order
-from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job, zteam_command
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")

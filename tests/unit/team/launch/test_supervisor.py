@@ -21,8 +21,8 @@ from support.log_capture import captured_log
 from support.transports import wait_until_true
 from zteam.node.launcher import Report
 from zteam.team.launch import supervisor as supervising
-from zteam.team.launch.process import Process
-from zteam.team.launch.supervisor import DELAYS, STEADY, Again, Job, Member, Supervisor, after_failure, log_failure
+from zteam.team.launch.process import Job, Process
+from zteam.team.launch.supervisor import DELAYS, STEADY, Again, Member, Supervisor, after_failure, log_failure
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 """A child that ends only when it gets a signal."""
@@ -153,7 +153,8 @@ def test_measuring_covers_every_process(supervisor: Watched) -> None:
 
 SUPERVISED = f"""
 import os, signal, sys
-from zteam.team.launch.supervisor import Again, Job, Supervisor
+from zteam.team.launch.process import Job
+from zteam.team.launch.supervisor import Supervisor
 supervisor = Supervisor(lambda name, line: print(name, line, flush=True))
 child = supervisor.start_job("child", Job([sys.executable, "-c", {OWN!r}]))
 supervisor.wait(lambda: bool(child.lines), {LIMIT})

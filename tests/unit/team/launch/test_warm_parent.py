@@ -323,8 +323,8 @@ def test_it_ends_with_a_launcher_that_is_killed() -> None:
     """A launcher that gets SIGKILL leaves neither its warm parent nor the children that hold its links."""
     code = (
         "import os, signal\n"
-        "from zteam.team.launch.process import zteam_command\n"
-        "from zteam.team.launch.supervisor import Job, Supervisor\n"
+        "from zteam.team.launch.process import Job, zteam_command\n"
+        "from zteam.team.launch.supervisor import Supervisor\n"
         "from zteam.team.launch.warm_parent import WarmParent\n"
         "warm = WarmParent()\n"
         "supervisor = Supervisor(lambda *_: None, warm.start)\n"

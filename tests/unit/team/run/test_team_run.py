@@ -25,8 +25,8 @@ from zteam.robot.client import start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER, TeamLaunch
-from zteam.team.launch.process import Process
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.processes import Processes, node_environment
 from zteam.team.run.team_run import TeamRun
