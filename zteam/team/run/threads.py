@@ -7,12 +7,12 @@ import logging
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import partial
 from threading import Thread
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -33,7 +33,7 @@ from zteam.robot.process.inputs import TransformInputs
 from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
-from zteam.team.launch.plan import LaunchPlan, Pace, TeamLaunch, options_of
+from zteam.team.launch.plan import LaunchPlan, TeamLaunch, options_of
 from zteam.team.launch.process import Job
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
@@ -160,32 +160,6 @@ class NodeThread:
         return self._ended.wait(timeout)
 
 
-class Outside(NamedTuple):
-    """Where tools find a team in one process: at a router, in this process's session there."""
-
-    endpoint: str
-    given: str | None
-    """The router that the user named."""
-    environment: dict[str, str]
-    """What lets a process join the team."""
-    bus: Bus
-
-
-@contextmanager
-def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
-    """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
-    lease, endpoint = lease_for(pace, options.lease), options.connect
-    with ExitStack() as ends:
-        if endpoint is None:
-            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
-            ends.callback(router.close)
-            endpoint = router.endpoint
-        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
-        bus = connect(joined, patience=ROUTER_DEADLINE)
-        ends.callback(bus.close)
-        yield Outside(endpoint, options.connect, node_environment(endpoint, joined), bus)
-
-
 class Threads:
     """The members as threads of this process, and nodes of the team file as processes beside it.
 
@@ -196,25 +170,30 @@ class Threads:
     def __init__(
         self,
         nodes: Mapping[str, Body] | None = None,
-        outside: Outside | None = None,
+        options: BusOptions | None = None,
+        stop: Stop | None = None,
         *,
         name: str = names.LAUNCHER,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         ends_calls: bool = False,
         prefix_log: bool = False,
     ) -> None:
-        """`nodes` are the bodies of own nodes, by name; tools `outside` find the team. `name` is that of the caller.
+        """`nodes` are the bodies of own nodes, by name; with `options` tools find the team at a router, for which it
+        waits until the `stop`. `name` is that of the caller.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `ends_calls`:
         those that do not return, in real time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.supervisor = Supervisor(on_line)
-        self.endpoint = "" if outside is None else outside.endpoint
+        self.endpoint = ""
         self.bus: Bus | None = None
-        self.tools_bus = None if outside is None else outside.bus
+        self.tools_bus: Bus | None = None
+        """This process's session at the router."""
         self.pids = {name: os.getpid()}
-        self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
-        self._ends_calls, self._prefix_log = ends_calls, prefix_log
+        self._name, self._nodes, self._options, self._on_line = name, nodes, options, on_line
+        self._stop, self._ends_calls, self._prefix_log = stop or Stop(), ends_calls, prefix_log
+        self._environment: dict[str, str] = {}
+        """What lets a process join the team."""
         self._calls: CallWatch | None = None
         """None before there is a team."""
         self.hangs: dict[str, str] = {}
@@ -230,10 +209,8 @@ class Threads:
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
-        self._plan = plan
+        self._plan, self._pace = plan, launch.pace
         self.parts = parts_of(launch, self._on_line, self._nodes)
-        self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
-        self._ends.callback(self.sessions.close)
         self._calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
         self.hangs = self._calls.hangs
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
@@ -241,9 +218,26 @@ class Threads:
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""
-        self.bus = self.sessions.bus(self._name)
-        if self._outside is not None and self._outside.given is not None:
+        if self._options is not None:
+            self.tools_bus = self._open_outside(self._options)
+        self._sessions = NodeSessions(self.tools_bus)
+        self._ends.callback(self._sessions.close)
+        self.bus = self._sessions.bus(self._name)
+        if self._options is not None and self._options.connect is not None:
             refuse_second_team(self.bus, (*self.parts, *self._plan.jobs))
+
+    def _open_outside(self, options: BusOptions) -> Bus:
+        """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
+        lease, endpoint = lease_for(self._pace, options.lease), options.connect
+        if endpoint is None:
+            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
+            self._ends.callback(router.close)
+            endpoint = router.endpoint
+        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
+        bus = connect(joined, patience=ROUTER_DEADLINE, stopping=self._stop)
+        self._ends.callback(bus.close)
+        self.endpoint, self._environment = endpoint, node_environment(endpoint, joined)
+        return bus
 
     def beside_simulator(self, work: Callable[[], R]) -> R:
         """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
@@ -268,10 +262,10 @@ class Threads:
         for name in self.parts:
             if name not in self.supervisor.members:
                 self.start_node(name)
-        if self._outside is not None:
+        if self.tools_bus is not None:
             for name, job in self._plan.jobs.items():
                 if name not in self.parts:
-                    job = msgspec.structs.replace(job, environment=self._outside.environment)
+                    job = msgspec.structs.replace(job, environment=self._environment)
                     self.supervisor.start_job(name, job)
 
     def start_node(self, name: str) -> None:
@@ -285,12 +279,11 @@ class Threads:
         self.supervisor.start_member(name, begin, self._plan.own.get(name, Job(())))
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)
+        return NodeThread(name, self.parts[name], self._sessions, self.supervisor.take_end)
 
     def environment_of_new(self, _name: str) -> dict[str, str]:
         """What lets a process join from outside."""
-        assert self._outside is not None
-        return self._outside.environment
+        return self._environment
 
     def close(self) -> None:
         """End the session, and kill what still runs."""
