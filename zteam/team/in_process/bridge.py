@@ -132,56 +132,6 @@ def answering_as(owner: str, handler: QueryHandler) -> QueryHandler:
     return answer
 
 
-class Bridge:
-    """The outside of a hub; `outside` is this process's session there, and `inside` one on the hub."""
-
-    def __init__(self, inside: Transport, outside: Bus, delivery: Delivery) -> None:
-        self._inside = inside
-        self.outside = outside
-        self._delivery = delivery
-        self.instances: set[str] = set()
-        """Sessions of the nodes."""
-        self._own_tokens: set[str] = set()
-        """Tokens that nodes have, or had: no other node will have one of them."""
-        self._tokens: dict[str, Closeable] = {}
-        """On the hub, the tokens of processes outside."""
-        self._ahead = wall_ns() - next(monotonic_times())
-        """Nanoseconds from the time of samples outside to that on the hub."""
-        outside.watch_link(self._on_link)
-        outside.watch_tokens(["**"], self._on_token)
-
-    def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
-        """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
-        instances, receivers = self.instances, [HubReceiver(owner, handler)]
-
-        def hear(sample: RawSample) -> None:
-            if sample.source not in instances:
-                news = msgspec.structs.replace(sample, timestamp=self._time_on_hub(sample.timestamp))
-                self._delivery.deliver(receivers, news)
-
-        return hear
-
-    def _time_on_hub(self, timestamp: int) -> int:
-        """The time of a sample from outside, which is newer or older than those of the hub."""
-        return max(1, (timestamp * 10**9 >> 32) - self._ahead) if timestamp else 0
-
-    def declare_token(self, key: str) -> Closeable:
-        """A token outside that a node has on the hub."""
-        self._own_tokens.add(key)
-        return self.outside.declare_token(key)
-
-    def _on_token(self, key: str, alive: bool) -> None:
-        if key in self._own_tokens:
-            return
-        if alive and key not in self._tokens:
-            self._tokens[key] = self._inside.declare_token(key)
-        elif not alive and key in self._tokens:
-            self._tokens.pop(key).close()
-
-    def _on_link(self, up: bool) -> None:
-        log.warning("router is back" if up else "router lost: no tool sees the team until it is back")
-
-
 class _PublisherPair:
     """Publishes to the nodes, and to the outside if there is a subscriber."""
 
@@ -216,12 +166,11 @@ class _Session(MemoryTransport):
 class _BridgedSession(_Session):
     """The session of one node on the hub and outside, under one id."""
 
-    def __init__(self, hub: MemoryHub, owner: str, bridge: Bridge) -> None:
+    def __init__(self, hub: MemoryHub, owner: str, sessions: "NodeSessions", outside: Bus) -> None:
         # Zenoh leaves out zeros at the front of an id, so there is none.
         super().__init__(hub, owner, f"{uuid.uuid4().int | 1 << 127:032x}")
-        self._bridge = bridge
-        self._outside = bridge.outside.transport
-        bridge.instances.add(self.instance)
+        self._sessions, self._outside_bus, self._outside = sessions, outside, outside.transport
+        sessions.instances.add(self.instance)
 
     def _pair(self, inside: Closeable, outside: Closeable) -> Closeable:
         return self._keep(Handle(inside.close, outside.close).close)
@@ -240,7 +189,7 @@ class _BridgedSession(_Session):
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
         inside = super().declare_subscriber(key_expr, handler, latched, stamped)
-        heard = self._bridge.from_others(self._owner, handler)
+        heard = self._sessions.from_others(self._owner, handler)
         return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
@@ -254,7 +203,8 @@ class _BridgedSession(_Session):
         return [*replies, *self._outside.get(key_expr, payload, left, to_others=True)] if left > 0.0 else replies
 
     def declare_token(self, key: str) -> Closeable:
-        return self._pair(super().declare_token(key), self._bridge.declare_token(key))
+        self._sessions.own_tokens.add(key)
+        return self._pair(super().declare_token(key), self._outside_bus.declare_token(key))
 
 
 class NodeSessions:
@@ -264,14 +214,50 @@ class NodeSessions:
         """With `outside`, a session of this process alone, nodes and processes there find each other."""
         self.delivery = Delivery()
         self._hub = MemoryHub(self.delivery.deliver, None if outside is None else monotonic_times())
-        inside = MemoryTransport(self._hub)
-        self._bridge = None if outside is None else Bridge(inside, outside, self.delivery)
+        self._inside, self._outside = MemoryTransport(self._hub), outside
+        self.instances: set[str] = set()
+        """Sessions of the nodes that are open to the outside."""
+        self.own_tokens: set[str] = set()
+        """Tokens that nodes have, or had: no other node will have one of them."""
+        self._tokens: dict[str, Closeable] = {}
+        """On the hub, the tokens of processes outside."""
+        self._ahead = wall_ns() - next(monotonic_times())
+        """Nanoseconds from the time of samples outside to that on the hub."""
+        if outside is not None:
+            outside.watch_link(self._on_link)
+            outside.watch_tokens(["**"], self._on_token)
 
     def bus(self, owner: str) -> Bus:
         """A session of the node `owner`."""
-        bridge = self._bridge
-        return Bus(_Session(self._hub, owner) if bridge is None else _BridgedSession(self._hub, owner, bridge))
+        outside = self._outside
+        return Bus(_Session(self._hub, owner) if outside is None else _BridgedSession(self._hub, owner, self, outside))
 
     def close(self) -> None:
         """Handle no more messages."""
         self.delivery.close()
+
+    def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
+        """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
+        instances, receivers = self.instances, [HubReceiver(owner, handler)]
+
+        def hear(sample: RawSample) -> None:
+            if sample.source not in instances:
+                news = msgspec.structs.replace(sample, timestamp=self._time_on_hub(sample.timestamp))
+                self.delivery.deliver(receivers, news)
+
+        return hear
+
+    def _time_on_hub(self, timestamp: int) -> int:
+        """The time of a sample from outside, which is newer or older than those of the hub."""
+        return max(1, (timestamp * 10**9 >> 32) - self._ahead) if timestamp else 0
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        if key in self.own_tokens:
+            return
+        if alive and key not in self._tokens:
+            self._tokens[key] = self._inside.declare_token(key)
+        elif not alive and key in self._tokens:
+            self._tokens.pop(key).close()
+
+    def _on_link(self, up: bool) -> None:
+        log.warning("router is back" if up else "router lost: no tool sees the team until it is back")
