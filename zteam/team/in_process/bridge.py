@@ -26,7 +26,6 @@ from zteam.bus.transport import (
     RawSample,
     Reply,
     SampleHandler,
-    Transport,
 )
 from zteam.clock import monotonic, monotonic_times, wall_ns
 from zteam.messages import Message
