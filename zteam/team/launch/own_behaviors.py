@@ -1,4 +1,4 @@
-"""Imports the user's behaviours and nodes and checks the behaviours' parameters, in a child process.
+"""Imports the user's behaviours and checks their parameters, in a child process.
 
 Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
 must survive that. `asking` sends the questions; this module, run as a program, reports each answer.
@@ -39,25 +39,16 @@ def find_body(name: str, spec: str) -> Callable[[Any], None]:
 
 
 class Question(msgspec.Struct, frozen=True):
-    """A behaviour by name, or the body of a node; the behaviour's parameters from the team file, and further words that
-    an unknown key may stand for.
-    """
+    """A behaviour by name, its parameters from the team file, and further words that an unknown key may stand for."""
 
     spec: str
     params: dict[str, Any]
     near: list[str] = []
-    node: str = ""
-    """With a name, `spec` is the body of that node."""
-
-    @property
-    def subject(self) -> str:
-        """What an error calls it."""
-        return f"node {self.node!r}: {self.spec!r}" if self.node else f"behaviour {self.spec!r}"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why it cannot be used, empty if it can; of a behaviour, the mistakes in its parameters as (path, text), and the
-    topics of the inputs that it declares."""
+    """Why it cannot be used, empty if it can; the mistakes in its parameters as (path, text), and the topics of the
+    inputs that it declares."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
@@ -65,11 +56,8 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def answer(question: Question) -> Answer:
-    """Import what is asked for in this process, and check the parameters of a behaviour."""
+    """Import a behaviour in this process, and check its parameters."""
     try:
-        if question.node:
-            find_body(question.node, question.spec)
-            return Answer()
         kind = find_behavior(question.spec)
     except UsageError as error:
         return Answer(str(error))
@@ -99,7 +87,7 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
             last = next(filter(None, map(str.strip, reversed(process.lines))), "")
             why = f"ended the process ({exit_text(process.exit_code)}): {last}".removesuffix(": ")
             text = why if ended else f"is not done after {LIMIT:g} s"
-            refusal = Answer(f"{questions[len(found)].subject}: importing it {text}")
+            refusal = Answer(f"behaviour {questions[len(found)].spec!r}: importing it {text}")
             # The questions after this one were not answered.
             found += [refusal, *[Answer()] * (missing - 1)]
         return found

@@ -11,7 +11,7 @@ from zteam.errors import UsageError
 from zteam.node.process_options import NodeOptions, to_line
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS
-from zteam.team.launch.own_behaviors import Question, asking, find_body
+from zteam.team.launch.own_behaviors import find_body
 from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.process import Job
 from zteam.team.run.threads import Body
@@ -56,14 +56,10 @@ def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
 
 
 def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[str, Job]:
-    """Own nodes by name as processes. A child imports them first; their modules are looked for in `folders` too."""
+    """Own nodes by name as processes; their modules are looked for in `folders` too."""
     _check_nodes(nodes, here=False)
-    texts = {name: str(body) for name, body in nodes.items()}
-    with asking([Question(text, {}, node=name) for name, text in texts.items()], folders) as answers:
-        if refused := [answered.refused for answered in answers() if answered.refused]:
-            raise UsageError("\n".join(refused))
-    options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}
-    return {name: Job(MEMBER, words=to_line(name, options[name])) for name in texts}
+    options = {name: NodeOptions(name, str(body), (*folders, "")) for name, body in nodes.items()}
+    return {name: Job(MEMBER, words=to_line(name, each)) for name, each in options.items()}
 
 
 def _check_nodes(nodes: Mapping[str, object], *, here: bool) -> None:

@@ -38,7 +38,6 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
     (start([0, 7]), "robots[1].id: the world has no robot 7"),
     (start(1, nodes={"crowd": start_twice}), "nodes['crowd'] is <function start_twice"),
     (start(1, nodes={"crowd": 7}, in_process=True), "nodes['crowd'] is 7"),
-    (start(1, nodes={"crowd": "no_such:main"}), "node 'crowd': cannot import no_such"),
     (start(1, nodes={"crowd": "no_such:main"}, in_process=True), "node 'crowd': cannot import no_such"),
     (start(1, nodes={"sim": "zteam:run"}), "node 'sim': the team has a process of this name"),
     (start(1, nodes={"a b": "zteam:run"}), "node 'a b': "),
