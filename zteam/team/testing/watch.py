@@ -24,11 +24,10 @@ from zteam.node.faults import log_fault, where_it_is
 from zteam.node.kinds import ROUTER, kind_of
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
-from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.supervisor import Member
 from zteam.team.run.team_run import RunState, TeamRun
-from zteam.team.run.threads import Threads, in_thread
+from zteam.team.run.threads import Threads, end_user_calls, in_thread
 
 OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
 """What a test sees of its team without asking."""

@@ -12,10 +12,10 @@ from support.log_capture import captured_log
 from zteam.bus.memory import HubReceiver
 from zteam.node import working
 from zteam.node.working import StepWatch, working_for
-from zteam.team.in_process import user_calls
 from zteam.team.in_process.bridge import Delivery
-from zteam.team.in_process.user_calls import CallWatch, end_user_calls
 from zteam.team.launch.plan import Pace
+from zteam.team.run import threads
+from zteam.team.run.threads import CallWatch, end_user_calls
 
 PACE = Pace(lockstep=True, timeout=0.05)
 
@@ -23,7 +23,7 @@ PACE = Pace(lockstep=True, timeout=0.05)
 @pytest.fixture(autouse=True)
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """The calls are looked at often."""
-    monkeypatch.setattr(user_calls, "_PERIOD", 0.01)
+    monkeypatch.setattr(threads, "_PERIOD", 0.01)
 
 
 @pytest.fixture
