@@ -1,7 +1,7 @@
-"""A team as jobs: which processes, told what of the team (`OPTIONS`), stopped in which order."""
+"""A team as jobs: which processes, told what of the team (`options_of`), stopped in which order."""
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -12,7 +12,6 @@ from zteam import names
 from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.node import kinds
-from zteam.node.kinds import Kind
 from zteam.node.launcher import Report
 from zteam.node.process_options import (
     LOCKSTEP_TIMEOUT,
@@ -77,7 +76,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     @property
     def participants(self) -> tuple[str, ...]:
         """Names of the processes that the first tick of lock-step waits for."""
-        own = [name for kind in kinds.KINDS if kind.in_lockstep for name in options_of(kind, self)]
+        told = _told_beside_simulator(self)
+        own = [name for name in told if (kind := kinds.kind_of(name)) is not None and kind.in_lockstep]
         expected = (node.name for node in self.team.nodes if node.expect)
         return tuple(dict.fromkeys((*own, *expected, *self.pace.expect)))
 
@@ -101,13 +101,21 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         return self.team_file.parent if self.team_file else Path()
 
 
-def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
-    """One simulator, unless the robots are real."""
-    team, pace = launch.team, launch.pace
+def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
+    """What the aggregator publishes of a team file in this folder."""
+    configured = tuple(static_transform(entry) for entry in team.static_transforms)
+    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
+
+
+def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
+    """What each process of a team is told, by name, in the order of starting: without the router, which the launcher
+    starts first, because that chooses the port."""
+    told, team, pace = _told_beside_simulator(launch), launch.team, launch.pace
     if launch.world is None:
-        return {}
+        # The robots are real.
+        return told
     speed = pace.speed or ("max" if pace.lockstep else "1")
-    options = SimOptions(
+    simulator = SimOptions(
         world=launch.world,
         seed=launch.seed,
         has_map=team.team.map is None,
@@ -122,58 +130,35 @@ def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
         lockstep=LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
         faults=tuple(filter(launch.is_simulated, launch.faults)),
     )
-    return {names.SIMULATOR: options}
+    return {names.SIMULATOR: simulator, **told}
 
 
-def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
-    """What the aggregator publishes of a team file in this folder."""
-    configured = tuple(static_transform(entry) for entry in team.static_transforms)
-    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
-
-
-def _robots(launch: TeamLaunch) -> dict[str, RobotOptions]:
-    """One process per robot. The module of a user's behaviour may lie beside the team file and what it includes."""
-    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
-    folders = (*dict.fromkeys([*own, *launch.team.folders]), "")
-    found = {}
-    for robot in launch.team.robots:
-        spec, params = behavior_of(robot)
-        found[names.robot_name(robot.id)] = RobotOptions(
-            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
-        )
-    return found
-
-
-def _navigation(launch: TeamLaunch) -> dict[str, NavigationOptions]:
-    """One process for all robots that are navigated: they share the map."""
-    found = {
-        robot.id: NavigatedRobot(table, launch.folder, f"robot {robot.id}, navigation", robot.base)
-        for robot in sorted(launch.team.robots, key=lambda robot: robot.id)
+def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
+    team, folder, told = launch.team, launch.folder, dict[str, ProcessOptions]()
+    if team.team.map:
+        # In the place of the simulator's own map.
+        told[names.MAP_SERVER] = MapOptions(folder / team.team.map)
+    told[names.AGGREGATOR] = aggregator_options(team, folder)
+    told[names.MONITOR] = MonitorOptions(len(team.robots), tuple(robot.id for robot in team.robots))
+    navigated = {
+        robot.id: NavigatedRobot(table, folder, f"robot {robot.id}, navigation", robot.base)
+        for robot in sorted(team.robots, key=lambda robot: robot.id)
         if (table := navigation_of(robot)) is not None
     }
-    return {names.navigation_name(min(found)): NavigationOptions(found, launch.seed)} if found else {}
-
-
-OPTIONS: dict[str, Callable[[TeamLaunch], Mapping[str, ProcessOptions]]] = {
-    names.SIMULATOR: _simulator,
-    # In the place of the simulator's own map, where the team file names one.
-    names.MAP_SERVER: lambda launch: (
-        {names.MAP_SERVER: MapOptions(launch.folder / file)} if (file := launch.team.team.map) else {}
-    ),
-    names.AGGREGATOR: lambda launch: {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)},
-    names.MONITOR: lambda launch: {
-        names.MONITOR: MonitorOptions(len(launch.team.robots), tuple(robot.id for robot in launch.team.robots))
-    },
-    kinds.NAVIGATION: _navigation,
-    kinds.ROBOT: _robots,
-    names.VIEW: lambda launch: {names.VIEW: launch.view} if launch.view else {},
-}
-"""Without the router, which the launcher starts first, because that chooses the port."""
-
-
-def options_of(kind: Kind, launch: TeamLaunch) -> Mapping[str, ProcessOptions]:
-    """The processes of this kind in a team, by name."""
-    return OPTIONS[kind.name](launch) if kind.name in OPTIONS else {}
+    if navigated:
+        # One process for all of them: they share the map.
+        told[names.navigation_name(min(navigated))] = NavigationOptions(navigated, launch.seed)
+    # The module of a user's behaviour may lie beside the team file and what it includes.
+    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
+    folders = (*dict.fromkeys([*own, *team.folders]), "")
+    for robot in team.robots:
+        spec, params = behavior_of(robot)
+        told[names.robot_name(robot.id)] = RobotOptions(
+            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
+        )
+    if launch.view is not None:
+        told[names.VIEW] = launch.view
+    return told
 
 
 class LaunchPlan(msgspec.Struct):
@@ -211,21 +196,19 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
-    own: dict[str, Job] = {}
-    optional: set[str] = set()
-    for kind in kinds.KINDS:
-        for name, options in options_of(kind, launch).items():
-            words = to_line(name, options)
-            own[name] = Job(
-                MEMBER,
-                words=words,
-                # A view takes no part in the run, so a new one changes nothing of it.
-                restarts=restarts.get(name, launch.restarts) or kind.optional,
-                may_end=kind.optional,
-                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
-            )
-            if kind.optional:
-                optional.add(name)
+    own, optional = dict[str, Job](), set[str]()
+    for name, options in options_of(launch).items():
+        # A view takes no part in the run: it may end, and a new one changes nothing.
+        is_view = isinstance(options, ViewOptions)
+        own[name] = Job(
+            MEMBER,
+            words=to_line(name, options),
+            restarts=restarts.get(name, launch.restarts) or is_view,
+            may_end=is_view,
+            learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
+        )
+        if is_view:
+            optional.add(name)
     nodes = {
         node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes

@@ -8,13 +8,12 @@ import ctypes
 import logging
 import os
 import threading
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from functools import partial
 from threading import Thread
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -24,11 +23,10 @@ from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
 from zteam.bus.router import open_team_router
 from zteam.errors import UsageError, ZteamError
 from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
-from zteam.node.kinds import KINDS
 from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
-from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.node.process_options import MonitorOptions, RobotOptions, ViewOptions
 from zteam.node.shutdown import Stop
 from zteam.node.working import WORK, hanging, working_for
 from zteam.robot.process.inputs import TransformInputs
@@ -52,31 +50,25 @@ Call = tuple[int, str]
 """The number of a call that is under way, and its node."""
 
 
-def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[str], None]) -> Part:
-    if isinstance(options, MonitorOptions):
-        return monitor_part(options, say)
-    if isinstance(options, RobotOptions):
-        # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
-        import zteam.robot.process.node  # noqa: F401
-
-        robot = options
-        # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
-        return Part(lambda node: robot_part(robot, transforms).body(node), Node)
-    return part_of(options)
-
-
-def parts_of(
-    launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body] | None = None
-) -> dict[str, Part]:
+def parts_of(launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body]) -> dict[str, Part]:
     """What the nodes of a simulated team and a user's own do, by name; `say(name, line)` prints a line of a node."""
-    transforms = TransformInputs()
-    parts = {
-        name: _part(options, transforms, partial(say, name))
-        for kind in KINDS
-        if not kind.optional
-        for name, options in options_of(kind, launch).items()
-    }
-    for name, body in (nodes or {}).items():
+    # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
+    import zteam.robot.process.node  # noqa: F401
+
+    transforms, parts = TransformInputs(), dict[str, Part]()
+
+    def run_robot(options: RobotOptions, node: Any) -> None:
+        # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
+        robot_part(options, transforms).body(node)
+
+    for name, options in options_of(launch).items():
+        if isinstance(options, RobotOptions):
+            parts[name] = Part(partial(run_robot, options), Node)
+        elif isinstance(options, MonitorOptions):
+            parts[name] = monitor_part(options, partial(say, name))
+        elif not isinstance(options, ViewOptions):
+            parts[name] = part_of(options)
+    for name, body in nodes.items():
         if name in parts:
             raise UsageError(f"node {name!r}: the team has a process of this name already")
         parts[name] = Part(stepping(body), Node)
@@ -178,22 +170,17 @@ class CallWatch:
 class NodeThread:
     """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
 
+    lines: Collection[str] = ()
+    """What it says is in the log of this process."""
+
     def __init__(self, name: str, part: Part, sessions: NodeSessions, on_end: Callable[["NodeThread"], None]) -> None:
         """`run` follows."""
-        self.name = name
+        self.name, self._part, self._sessions, self._on_end = name, part, sessions, on_end
         self.exit_code: int | None = None
-        """As of a process; None while it runs."""
         self.error: BaseException | None = None
         """What ended it, if that was an error."""
-        self.lines: deque[str] = deque()
-        """Empty: what it says is in the log of this process."""
         self.stopping = False
-        """Whether it was asked to end."""
-        self._stop = Stop()
-        self._part = part
-        self._sessions = sessions
-        self._on_end = on_end
-        self._ended = threading.Event()
+        self._stop, self._ended = Stop(), threading.Event()
 
     @property
     def running(self) -> bool:
@@ -274,7 +261,7 @@ class Threads:
         self.tools_bus: Bus | None = None
         """This process's session at the router."""
         self.pids = {name: os.getpid()}
-        self._name, self._nodes, self._options, self._on_line = name, nodes, options, on_line
+        self._name, self._nodes, self._options, self._on_line = name, nodes or {}, options, on_line
         self._stop, self._ends_calls, self._prefix_log = stop or Stop(), ends_calls, prefix_log
         self._environment: dict[str, str] = {}
         """What lets a process join the team."""

@@ -225,9 +225,8 @@ def test_shipped_teams_make_a_plan(name: str) -> None:
     assert path is not None
     launch = TeamLaunch(load_team(path), WORLD, team_file=path, run_for=1.0)
     plan = plan_team(launch)
-    for kind in KINDS:
-        for each, options in options_of(kind, launch).items():
-            assert told(plan, each, type(options)) == options
+    for each, options in options_of(launch).items():
+        assert told(plan, each, type(options)) == options
 
 
 def test_a_new_robot_gets_what_the_team_has_in_common() -> None:
@@ -246,12 +245,12 @@ def test_what_cannot_be_started_on_request_is_refused(behavior: str) -> None:
         robot_job(TeamLaunch(TEAM, None), 5, behavior)
 
 
-def test_one_row_is_all_that_a_further_kind_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It starts after the others with the row's options, stops with its rank, and lock-step waits for it."""
+def test_a_further_kind_needs_its_row_and_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It starts after the others with its options, stops with its rank, and lock-step waits for it."""
     row = Kind(title="planner", name="planner", command="zteam-monitor", stop_rank=2, in_lockstep=True)
     monkeypatch.setattr(kinds, "KINDS", (*KINDS, row))
-    options = {**planning.OPTIONS, "planner": lambda launch: {"planner": MonitorOptions(len(launch.team.robots))}}
-    monkeypatch.setattr(planning, "OPTIONS", options)
+    others = planning._told_beside_simulator
+    monkeypatch.setattr(planning, others.__name__, lambda launch: {**others(launch), "planner": MonitorOptions(4)})
     plan = plan_of(pace=Pace(lockstep=True))
     assert list(plan.own)[-1] == "planner"
     assert told(plan, "planner", MonitorOptions) == MonitorOptions(4)
