@@ -6,7 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -34,32 +34,6 @@ DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)
 """Host seconds before each restart in a row; after as many it is given up."""
 STEADY = 10.0
 """A process that ran for so many host seconds has recovered: its next failure is the first in a row."""
-
-
-class Again(NamedTuple):
-    """What happens after a failure."""
-
-    delay: float | None = None
-    """Host seconds until the process is started again; None = never."""
-    in_row: int = 0
-    """How many failures in a row it has had with this one; 0 for a process that is never started again."""
-
-
-def after_failure(before: int, ran_for: float) -> Again:
-    """What follows when a process fails after `ran_for` host seconds, with `before` failures in a row until then."""
-    in_row = 1 if ran_for >= STEADY else before + 1
-    return Again(DELAYS[in_row - 1] if in_row <= len(DELAYS) else None, in_row)
-
-
-def log_failure(name: str, code: int | None, again: Again) -> None:
-    """Say that a process has failed, and whether and when it is started again."""
-    told = f"{name} ended: {exit_text(code)}"
-    if again.delay is not None:
-        log.warning("%s; it is started again in %g s (%d of %d)", told, again.delay, again.in_row, len(DELAYS))
-    elif again.in_row:
-        log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
-    else:
-        log.error("%s; it is not started again", told)
 
 
 class Member(Protocol):
@@ -103,7 +77,7 @@ class Supervisor:
         # Before there is a thread for the lines of each member.
         share_arenas()
         self._on_line, self._start_child = on_line, start_child
-        self.on_failure: Callable[[Member, Again], None] = lambda _member, _again: None
+        self.on_failure: Callable[[Member, bool], None] = lambda _member, _again: None
         """`on_failure(member, again)`: it has failed, and whether it is started again."""
         self.members: dict[str, Member] = {}
         self._places: dict[str, _Place] = {}
@@ -194,30 +168,35 @@ class Supervisor:
         name, code = member.name, member.exit_code
         place = self._places[name]
         failed = not member.stopping and not (code == 0 and place.job.may_end)
-        again = self._restart_later(name, place) if failed and code not in _FINAL else Again()
+        again = failed and self._restart_later(member, place)
         if failed:
             # First: what waits for the end finds the reason there.
             self.on_failure(member, again)
         with self.changed:
-            if again.delay is None:
+            if not again:
                 self.ended.add(name)
                 if failed:
                     self.failures.append(member)
             self.changed.notify_all()
 
-    def _restart_later(self, name: str, place: _Place) -> Again:
-        """A member has failed: whether and when it is started again."""
+    def _restart_later(self, member: Member, place: _Place) -> bool:
+        """A member has failed: whether it is started again."""
+        told = f"{member.name} ended: {exit_text(member.exit_code)}"
         with self._restarting:
-            if not place.job.restarts:
-                return Again()
-            again = after_failure(place.in_row, monotonic() - place.begun)
-            place.in_row = again.in_row
-            if again.delay is not None:
-                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
-                timer = place.timer = threading.Timer(again.delay, self._restart_now, (name, place))  # noqa: TID251
-                timer.name, timer.daemon = f"restart {name}", True
-                timer.start()
-        return again
+            if member.exit_code in _FINAL or not place.job.restarts:
+                log.error("%s; it is not started again", told)
+                return False
+            place.in_row = 1 if monotonic() - place.begun >= STEADY else place.in_row + 1
+            if place.in_row > len(DELAYS):
+                log.error("%s; it is not started again: it has failed %d times in a row", told, place.in_row)
+                return False
+            delay = DELAYS[place.in_row - 1]
+            log.warning("%s; it is started again in %g s (%d of %d)", told, delay, place.in_row, len(DELAYS))
+            # Host time: a restart is due at host time, while the launcher waits for the end of the run.
+            place.timer = threading.Timer(delay, self._restart_now, (member.name, place))  # noqa: TID251
+            place.timer.name, place.timer.daemon = f"restart {member.name}", True
+            place.timer.start()
+        return True
 
     def _restart_now(self, name: str, place: _Place) -> None:
         # All of it under the lock: what is called off cannot start any more.

@@ -29,7 +29,7 @@ from zteam.team.chaos.means import Means, Signals
 from zteam.team.launch.plan import LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
-from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
+from zteam.team.launch.supervisor import GRACE, Member
 from zteam.team.run.processes import claim_namespace
 from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
 
@@ -168,9 +168,8 @@ class TeamRun:
         self._hurry = True
         self.supervisor.wake()
 
-    def _on_failure(self, member: Member, again: Again) -> None:
-        log_failure(member.name, member.exit_code, again)
-        if again.delay is None:
+    def _on_failure(self, member: Member, again: bool) -> None:
+        if not again:
             self._on_end(member)
         elif self._recoveries is not None:
             self._recoveries.note_failure(member.name)

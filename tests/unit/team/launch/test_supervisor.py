@@ -22,7 +22,7 @@ from support.transports import wait_until_true
 from zteam.node.launcher import Report
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.process import Job, Process
-from zteam.team.launch.supervisor import DELAYS, STEADY, Again, Member, Supervisor, after_failure, log_failure
+from zteam.team.launch.supervisor import Member, Supervisor
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 """A child that ends only when it gets a signal."""
@@ -49,14 +49,12 @@ class Watched(Supervisor):
         self.heard: list[tuple[str, str]] = []
         self.failed: list[tuple[str, bool]] = []
         """Names, and whether they counted as ended then."""
-        self.again: list[Again] = []
         super().__init__(lambda name, line: self.heard.append((name, line)))
         self.on_failure = self.fail
 
-    def fail(self, process: Member, again: Again) -> None:
+    def fail(self, process: Member, _again: bool) -> None:
         """One has failed."""
         self.failed.append((process.name, process.name in self.ended))
-        self.again.append(again)
 
     def run(self, name: str, code: str, *, restarts: bool = False) -> Process:
         """Start a Python text; return when it has written its first line."""
@@ -203,37 +201,30 @@ def test_a_failing_listener_does_not_hide_an_end() -> None:
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
 
 
-def test_the_delay_grows_and_then_it_is_given_up() -> None:
-    """Each failure in a row waits at least as long as the one before; a failure after a long run is the first again."""
-    failures = [after_failure(before, 1.0) for before in range(len(DELAYS) + 2)]
-    assert [again.delay for again in failures] == [*DELAYS, None, None]
-    assert list(DELAYS) == sorted(DELAYS)
-    assert [again.in_row for again in failures] == [*range(1, len(DELAYS) + 3)]
-    assert after_failure(len(DELAYS), STEADY) == Again(DELAYS[0], 1)
-    assert after_failure(1, STEADY - 0.1) == Again(DELAYS[1], 2)
-
-
-def test_a_failure_is_told_with_what_follows() -> None:
-    """Exit code or signal, the delay and the count; that it is given up, and why; or that it is never started again."""
-    with captured_log() as told:
-        log_failure("planner", 3, Again(2.0, 2))
-        log_failure("planner", -9, Again(None, 6))
-        log_failure("sim", -11, Again())
-    words = (("exit code 3", "in 2 s (2 of 5)"), ("SIGKILL", "6 times in a row"), ("SIGSEGV", "not started again"))
-    assert all(word in line for line, each in zip(told.lines, words, strict=True) for word in each)
-
-
-@pytest.mark.usefixtures("soon")
-def test_a_process_that_fails_for_ever_is_given_up(supervisor: Watched) -> None:
-    """It is started again as often as there are delays, and counts as failed only then; the rest goes on."""
+def test_a_process_that_fails_for_ever_is_given_up(supervisor: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is started again as often as there are delays, each with its line, and counts as failed only then; the rest
+    goes on."""
+    assert list(supervising.DELAYS) == sorted(supervising.DELAYS)
+    monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.01))
     other = supervisor.run("robot_0", WAITING)
-    supervisor.run("camera", FAILING, restarts=True)
-    assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
+    with captured_log() as told:
+        supervisor.run("camera", FAILING, restarts=True)
+        assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
+    words = ("exit code 1; it is started again in 0 s (1 of 2)", "in 0.01 s (2 of 2)", "it has failed 3 times in a row")
+    assert all(word in line for word, line in zip(words, told.lines, strict=True))
     assert [line for name, line in supervisor.heard if name == "camera"] == ["once more", "no camera"] * 3
     assert supervisor.restarts == {"camera": 2}
     assert [process.name for process in supervisor.failures] == ["camera"]
     assert supervisor.ended == {"camera"}
     assert other.running
+
+
+def test_a_failure_after_a_long_run_is_the_first_in_a_row(supervisor: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then it is started again after the first delay, however often it had failed before."""
+    monkeypatch.setattr(supervising, "DELAYS", (0.0,))
+    monkeypatch.setattr(supervising, "STEADY", 0.0)
+    supervisor.run("camera", FAILING, restarts=True)
+    assert supervisor.wait(lambda: supervisor.restarts.get("camera", 0) >= 3, LIMIT)
 
 
 @pytest.mark.parametrize("how", ["started", "stopped"])
@@ -251,7 +242,7 @@ def test_a_restart_that_waits_is_called_off(supervisor: Watched, monkeypatch: py
     if how == "started":
         supervisor.run("robot_0", WAITING, restarts=True)
         os.kill(supervisor.processes["robot_0"].pid, signal.SIGKILL)
-        assert supervisor.wait(lambda: supervisor.again == [Again(LIMIT, 1)] * 2, LIMIT)
+        assert supervisor.wait(lambda: bool(timers()) and timers() != [waits], LIMIT)
         supervisor.stop(["robot_0"])
     else:
         supervisor.stop(["robot_0"])
