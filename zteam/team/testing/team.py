@@ -338,7 +338,6 @@ class TeamFixture:
             for name in nodes.keys() & plan.jobs.keys():
                 raise UsageError(f"node {name!r}: the team has a process of this name already")
             plan.own |= nodes
-        self._watch.expect_members()
         self._opened()
         self._run.start()
         self._watch.wait_for_members()
@@ -432,7 +431,7 @@ class TeamFixture:
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
-        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log)
+        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log.copy())
 
     @property
     def report(self) -> SimReport:

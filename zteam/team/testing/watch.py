@@ -7,6 +7,7 @@ Other waits count host seconds, because a starting or ending process has no simu
 import logging
 import math
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import wait
 from contextlib import suppress
@@ -45,8 +46,8 @@ _SLICE = 50
 """Ticks of one request to the simulator."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
-_KEPT_LINES = 50_000
-"""Of all processes of a test, at least."""
+_KEPT_LINES = 100_000
+"""Of all processes of a test."""
 
 
 class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
@@ -84,14 +85,14 @@ class Watch:
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self.silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
-        self.log: list[tuple[str, str]] = []
+        self.log = deque[tuple[str, str]](maxlen=_KEPT_LINES)
         """(process, line) in the order of arrival, for the report of a failed test: the newest."""
         self._at_end = False
         self.may_end: set[str] = set()
         """Processes that may end or hang."""
         self.hangs: dict[str, str] = {}
         """How processes hang, in words."""
-        self.participants: set[str] = set()
+        self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
     @property
@@ -143,14 +144,10 @@ class Watch:
                 self.sim.repeat()
             self.wait(arrived)
 
-    def expect_members(self) -> None:
-        """From here on the members of the plan belong to the team."""
-        self.participants = {*self.team_run.launch.participants}
-        self.may_end.update(self.team_run.plan.optional)
-
     def wait_for_members(self) -> None:
         """Wait until all that belong to the team are there, and any robot's pose may be read."""
         plan, threads = self.team_run.plan, self.threads
+        self._participants = {*self.team_run.launch.participants}
         self._watch_others(self.team_run.launch.pace.expect)
         members = [name for name in plan.jobs if name not in plan.unawaited] if threads is None else [*threads.parts]
         self.wait_for_processes(*members)
@@ -194,8 +191,6 @@ class Watch:
             # Most lines name their process.
             sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
             sys.stdout.flush()
-        if len(self.log) > 2 * _KEPT_LINES:
-            del self.log[:_KEPT_LINES]
 
     def take_log(self, name: str, level: int, text: str) -> None:
         """A node of this process, or one that the test has started, has logged a text."""
@@ -204,7 +199,7 @@ class Watch:
 
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
-        return [line for process, line in self.log if process == name]
+        return [line for process, line in self.log.copy() if process == name]
 
     def member(self, name: str) -> Member:
         """A process of the team, or a node in this process. Raises UsageError."""
@@ -277,8 +272,8 @@ class Watch:
         They are gone in the world's time; the end of their processes takes the host's.
         """
         self._note_left_behind(status)
-        left = self.participants.difference(status.participants, status.joining)
-        self.participants = {*status.participants}
+        left = self._participants.difference(status.participants, status.joining)
+        self._participants = {*status.participants}
         self._watch_others(status.participants, expected=False)
         if self._watched & left - self._not_awaited():
             # `check` fails for those that stay away.
@@ -324,21 +319,16 @@ class Watch:
         self.hangs[name] = f"{name} hangs: {text}"
 
     def _look_for_hangs(self) -> None:
-        """Lock-step: notice the processes that were left behind; of nodes in this process the watch on the calls does
-        so."""
-        if self.threads is not None or not self._is_in_view:
+        """Lock-step: notice the processes that were left behind, where the test sees what the team does: its router and
+        its simulator run. Of nodes in this process the watch on the calls does so."""
+        members = self.team_run.supervisor.members
+        needed = [members[name] for name in (ROUTER, names.SIMULATOR) if name in members]
+        if ROUTER not in members or not all(each.running and each.name not in self.may_end for each in needed):
             return
         if self.interval:
             with suppress(BusError):
                 self._note_left_behind(self.status(LOOK))
         self.check()
-
-    @property
-    def _is_in_view(self) -> bool:
-        """Whether what the test sees of its team is the team's doing: its simulator and its router run."""
-        router, simulator = (self.team_run.supervisor.members.get(name) for name in (ROUTER, names.SIMULATOR))
-        paused = self.may_end & {ROUTER, names.SIMULATOR}
-        return router is not None and router.running and (simulator is None or simulator.running) and not paused
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""

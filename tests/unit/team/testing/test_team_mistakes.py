@@ -74,4 +74,4 @@ def test_a_mistake_is_told_in_one_line(idle: Team, call: Callable[[Team], object
         call(idle)
     assert words in str(told.value)
     assert "\n" not in str(told.value)
-    assert idle._watch.log == [] or call is start_twice
+    assert not idle._watch.log or call is start_twice
