@@ -105,10 +105,10 @@ class Line:
 
     def kill_and_wait(self, name: str) -> None:
         """Kill a process and wait until it is back; how soon is a figure of the study `recovery`."""
-        recoveries = self.run._recoveries
-        assert recoveries is not None
+        progress = self.run._progress
+        assert progress is not None
         self.run.supervisor.processes[name].signal(signal.SIGKILL)
-        self.wait_for(lambda: name in recoveries.seconds)
+        self.wait_for(lambda: name in progress.away)
 
     def said(self, name: str, text: str) -> list[str]:
         """The lines of a process that have this text."""

@@ -2,7 +2,6 @@
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -81,7 +80,7 @@ def read_sim_report(bus: Bus) -> SimReport:
 
 
 def read_report(bus: Bus) -> RunReport:
-    """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
+    """What every process counted; the launcher adds the rest. Raises BusError when the simulator does not answer."""
     simulator = read_sim_report(bus)
     report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
     report.dropped = read_dropped(bus)
@@ -95,26 +94,6 @@ def _read_all(bus: Bus, service: str, kind: type[S]) -> list[tuple[str, S]]:
     """The answers of every process that answers, with its name."""
     answers = bus.query(names.service_key("*", service), kind, timeout=_ANSWER_LIMIT)
     return [(key.partition("/")[0], answer) for key, answer in answers]
-
-
-def complete(
-    report: RunReport,
-    wall_seconds: float,
-    go_after: float | None,
-    processes: list[ProcessReport],
-    restarts: Mapping[str, int],
-    recovery_seconds: Mapping[str, float],
-    hung: Iterable[str] = (),
-) -> None:
-    """Add what the launcher measured. `wall_seconds` and `go_after` are host seconds since the command's start.
-
-    `hung` are the processes with a step that did not return, besides those that lock-step left behind.
-    """
-    report.wall_seconds = round(wall_seconds, 3)
-    report.go_after_seconds = None if go_after is None else round(go_after, 3)
-    report.processes, report.restarts = processes, dict(restarts)
-    report.recovery_seconds = {name: round(seconds, 3) for name, seconds in recovery_seconds.items()}
-    report.hung = list(dict.fromkeys((*report.hung, *hung)))
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:

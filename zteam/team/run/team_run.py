@@ -28,10 +28,10 @@ from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
 from zteam.team.launch.plan import LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
+from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Member
 from zteam.team.run.processes import claim_namespace
-from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
+from zteam.team.run.report import RunReport, process_row, read_report, seconds_since_start
 
 if TYPE_CHECKING:
     from zteam.team.run.processes import Processes
@@ -79,7 +79,6 @@ class TeamRun:
         self._progress: Progress | None = None
         """None before there is a bus, and in a test."""
         self._observer: TeamObserver
-        self._recoveries: Recoveries | None = None
         self.state = RunState.NEW
         self._end_faults: Callable[[], ChaosReport] | None = None
         self._start_lock = threading.Lock()
@@ -154,9 +153,10 @@ class TeamRun:
         self.state = RunState.OPEN
         if self._is_launcher:
             self._observer = TeamObserver(bus)
-            self._progress = Progress(self._observer, self.launch.has_end, self.supervisor.wake, self._since_start)
+            self._progress = Progress(self._observer, self._since_start, lambda: dict(self.supervisor.restarts))
             self._ends.callback(self._progress.close)
-            self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts))
+            if self.launch.has_end:
+                self._progress.watch_end(self.supervisor.wake)
             if tools is not None:
                 self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
                 self._ends.callback(claim_namespace(bus, self._stop).release)
@@ -171,8 +171,8 @@ class TeamRun:
     def _on_failure(self, member: Member, again: bool) -> None:
         if not again:
             self._on_end(member)
-        elif self._recoveries is not None:
-            self._recoveries.note_failure(member.name)
+        elif self._progress is not None:
+            self._progress.note_failure(member.name)
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
@@ -237,11 +237,14 @@ class TeamRun:
         self._stop_all()
         if report is None or self._progress is None:
             return None
-        restarts, children = self.supervisor.restarts, self.supervisor.processes.values()
+        restarts, children = dict(self.supervisor.restarts), self.supervisor.processes.values()
         rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
-        wall = self._progress.wall or self._since_start()
-        away = self._recoveries.seconds if self._recoveries is not None else {}
-        complete(report, wall, self._progress.go_after, [*rows, *own], restarts, away, sorted(self._hung))
+        report.processes, report.restarts, go_after = [*rows, *own], restarts, self._progress.go_after
+        report.wall_seconds = round(self._progress.wall or self._since_start(), 3)
+        report.go_after_seconds = None if go_after is None else round(go_after, 3)
+        report.recovery_seconds = {name: round(seconds, 3) for name, seconds in self._progress.away.items()}
+        # Besides those that lock-step left behind.
+        report.hung = list(dict.fromkeys((*report.hung, *sorted(self._hung))))
         report.chaos = self.chaos
         return report
 
