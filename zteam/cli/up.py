@@ -190,7 +190,7 @@ def _up(args: argparse.Namespace) -> int:
 
         bus, launch = bus_options(args), _launch(args)
         bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
-        become(launch, args.only, node_environment(bus.endpoint, bus))
+        become(launch, args.only, node_environment(bus))
     if args.in_process:
         return _run_here(_launch(args), bus_options(args), args)
     from zteam.team.launch.warm_parent import WarmParent

@@ -50,12 +50,12 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
         )
 
 
-def node_environment(endpoint: str, bus: BusOptions) -> dict[str, str]:
-    """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
-    this process's environment."""
+def node_environment(bus: BusOptions) -> dict[str, str]:
+    """What gives a process these options. All is given, even if empty: what is left out would come from this process's
+    environment."""
     return {
         **(dict.fromkeys(TLS_VARIABLES, "") if bus.tls is None else bus.tls.environment),
-        "ZTEAM_CONNECT": endpoint,
+        "ZTEAM_CONNECT": bus.connect or bus.endpoint,
         "ZTEAM_NAMESPACE": bus.namespace or "",
         "ZTEAM_CONFIG": bus.config or "",
         "ZTEAM_LEASE": str(bus.lease),
@@ -171,7 +171,7 @@ class Processes:
             self._start_jobs(plan.own)
             self._wait_for_router(router)
             for name in plan.own:
-                self.supervisor.tell(name, self._endpoint_for(name))
+                self.supervisor.tell(name, self._options_of(name).connect or "")
             self._connect()
             connected()
         self._start_jobs(plan.nodes)
@@ -215,21 +215,20 @@ class Processes:
             log.warning("%s", warning)
 
     def _options_of(self, name: str) -> BusOptions:
-        options = msgspec.structs.replace(self._options, lease=self.lease)
-        if self.certificates is None:
-            return options
-        from zteam.team.security.certificates import files_of
+        """Those of the session of the process `name`."""
+        endpoint, tls = self.endpoint or FROM_STDIN, self._options.tls
+        # A tool has no link of its own, and neither has this process.
+        if self.endpoint and self.links is not None and name not in (OPERATOR, self._name):
+            endpoint = self.links.endpoint(name, endpoint)
+        if self.certificates is not None:
+            from zteam.team.security.certificates import files_of
 
-        return msgspec.structs.replace(options, tls=files_of(self.certificates, name))
-
-    def _endpoint_for(self, name: str) -> str:
-        # A tool has no link of its own.
-        return self.endpoint if self.links is None or name == OPERATOR else self.links.endpoint(name, self.endpoint)
+            tls = files_of(self.certificates, name)
+        return msgspec.structs.replace(self._options, connect=endpoint, lease=self.lease, tls=tls)
 
     def environment(self, name: str) -> dict[str, str]:
         """What lets the process `name` join the team."""
-        endpoint = self._endpoint_for(name) if self.endpoint else FROM_STDIN
-        return {**node_environment(endpoint, self._options_of(name)), **self._added()}
+        return {**node_environment(self._options_of(name)), **self._added()}
 
     def environment_of_new(self, name: str) -> dict[str, str]:
         """That of a process that the plan does not have. With certificates it has one only if the team file says so.
@@ -241,7 +240,7 @@ class Processes:
         return self.environment(name)
 
     def _connect(self) -> None:
-        options = msgspec.structs.replace(self._options_of(self._name), connect=self.endpoint)
+        options = self._options_of(self._name)
         self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         if self.links is not None:
             self.links.serve(self.bus)

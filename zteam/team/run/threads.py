@@ -307,7 +307,7 @@ class Threads:
         joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
         bus = connect(joined, patience=ROUTER_DEADLINE, stopping=self._stop)
         self._ends.callback(bus.close)
-        self.endpoint, self._environment = endpoint, node_environment(endpoint, joined)
+        self.endpoint, self._environment = endpoint, node_environment(joined)
         return bus
 
     def beside_simulator(self, work: Callable[[], R]) -> R:

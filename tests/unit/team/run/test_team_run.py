@@ -227,11 +227,11 @@ def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.Monkey
     """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
     monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
     monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
-    bus = BusOptions(namespace=namespace, lease=3.0)
-    for name, value in node_environment("-", bus).items():
+    bus = BusOptions(connect="-", namespace=namespace, lease=3.0)
+    for name, value in node_environment(bus).items():
         monkeypatch.setenv(name, value)
     chosen = BusOptions.from_environment()
-    assert chosen == BusOptions(connect="-", namespace=namespace, lease=3.0)
+    assert chosen == bus
 
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
