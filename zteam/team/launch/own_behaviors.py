@@ -95,10 +95,10 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
     with closing(Supervisor(lambda _name, _line: None)) as supervisor:
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
-            process = supervisor.start_job("behaviours", Job(command, learn=take_answer))
+            words = base64.b64encode(msgspec.msgpack.encode(questions)).decode()
+            process = supervisor.start_job("behaviours", Job(command, words=words, learn=take_answer))
             # However it ends, the answer says so.
             process.stopping = True
-            process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
         yield wait
 
 

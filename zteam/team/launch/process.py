@@ -82,7 +82,7 @@ class Job(msgspec.Struct, frozen=True):
     folder: Path | None = None
     """Where it runs; None = where this process runs."""
     words: str = ""
-    """The first line of its standard input."""
+    """Its standard input, a line."""
     restarts: bool = False
     """Whether it is started again when it has failed."""
     may_end: bool = False
@@ -205,7 +205,7 @@ class Process:
         self._watcher = threading.Thread(target=self._watch, name=f"watch {name}", daemon=True)
         self._watcher.start()
         if job.words:
-            self.write_line(job.words, last=False)
+            self.write_line(job.words)
 
     @property
     def pid(self) -> int:
@@ -270,15 +270,13 @@ class Process:
             self._child.stdin.close()
         self._on_exit(self)
 
-    def write_line(self, text: str, *, last: bool = True) -> None:
-        """Write a line to its standard input, and close the input after the last one."""
+    def write_line(self, text: str) -> None:
+        """Write a line to its standard input, and close that."""
         assert self._child.stdin is not None
         # It may have ended already (ValueError: its input is closed too); `on_exit` reports the end.
         with contextlib.suppress(BrokenPipeError, ValueError):
             self._child.stdin.write(text + "\n")
-            self._child.stdin.flush()
-            if last:
-                self._child.stdin.close()
+            self._child.stdin.close()
 
     def signal(self, number: int) -> None:
         """Send it a signal if it still runs."""

@@ -60,8 +60,6 @@ class _Place(msgspec.Struct, eq=False):
 
     begin: Callable[[], Member]
     job: Job
-    told: str = ""
-    """The last line of its standard input."""
     in_row: int = 0
     """Its failures in a row."""
     begun: float = 0.0
@@ -116,7 +114,7 @@ class Supervisor:
         return self.restart(name)
 
     def restart(self, name: str) -> Member:
-        """Start a member again as before, with the line that it was told."""
+        """Start a member again as before."""
         if name in self.members:
             self.members[name].stopping = True
             self.members[name].kill()
@@ -130,7 +128,7 @@ class Supervisor:
         return member
 
     def _spawn(self, name: str) -> Process:
-        place, job = self._places[name], self._places[name].job
+        job = self._places[name].job
         try:
             process = Process(name, job, self._take_line, self._take_report, self.take_end, self._start_child)
         except OSError as error:
@@ -139,14 +137,7 @@ class Supervisor:
         if self._sampler is None:
             self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
             self._sampler.start()
-        if place.told:
-            process.write_line(place.told)
         return process
-
-    def tell(self, name: str, text: str) -> None:
-        """Write a line to the standard input of a process, and of those that replace it, then close the input."""
-        self._places[name].told = text
-        self.processes[name].write_line(text)
 
     def _take_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)

@@ -108,13 +108,28 @@ class TeamRun:
         self.state = RunState.ENDED
 
     def open(self) -> None:
-        """Have a router and a session, before there are members."""
+        """Have a router and a session, before there are members. Raises BusError if another team is there."""
         self.members.open()
-        self._connected()
+        bus, tools = self.members.bus, self.members.tools_bus
+        assert bus is not None
+        self.state = RunState.OPEN
+        if self._is_launcher:
+            self._observer = TeamObserver(bus)
+            self._progress = Progress(self._observer, self._since_start, lambda: dict(self.supervisor.restarts))
+            self._ends.callback(self._progress.close)
+            if self.launch.has_end:
+                self._progress.watch_end(self.supervisor.wake)
+            if tools is not None:
+                self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
+                self._ends.callback(claim_namespace(bus, self._stop).release)
+        if tools is not None:
+            self.signals.serve(tools)
 
     def start(self) -> None:
         """Start the members."""
-        self.members.start(self._connected)
+        if self.state is RunState.NEW:
+            self.open()
+        self.members.start()
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
             key = names.service_key(names.LAUNCHER, names.START)
@@ -145,23 +160,6 @@ class TeamRun:
                 self.plan.unawaited |= {name}
             self.supervisor.start_job(name, job)
         return name
-
-    def _connected(self) -> None:
-        """There is a session now. Raises BusError if another team is there."""
-        bus, tools = self.members.bus, self.members.tools_bus
-        assert bus is not None
-        self.state = RunState.OPEN
-        if self._is_launcher:
-            self._observer = TeamObserver(bus)
-            self._progress = Progress(self._observer, self._since_start, lambda: dict(self.supervisor.restarts))
-            self._ends.callback(self._progress.close)
-            if self.launch.has_end:
-                self._progress.watch_end(self.supervisor.wake)
-            if tools is not None:
-                self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
-                self._ends.callback(claim_namespace(bus, self._stop).release)
-        if tools is not None:
-            self.signals.serve(tools)
 
     def hurry(self) -> None:
         """Kill what does not stop at once: the user asked a second time."""

@@ -328,7 +328,7 @@ class Threads:
         simulator.run()
         return result.result()
 
-    def start(self, _connected: Callable[[], None]) -> None:
+    def start(self) -> None:
         """Start all nodes but a simulator that runs already, and the processes of the team file."""
         for name in self.parts:
             if name not in self.supervisor.members:

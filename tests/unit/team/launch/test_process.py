@@ -187,7 +187,7 @@ def test_memory_is_the_peak() -> None:
     figures."""
     code = (
         "import mmap\nm = mmap.mmap(-1, 60_000_000)\nm.write(b'x' * 60_000_000)\nprint('full', flush=True)\ninput()\n"
-        "m.close()\nprint('empty', flush=True)\ninput()"
+        "m.close()\nprint('empty', flush=True)\nimport time\ntime.sleep(600)"
     )
     child = run(code)
     process = child.process
@@ -196,7 +196,7 @@ def test_memory_is_the_peak() -> None:
     process.measure()
     full = process.usage.pss_mb
     assert full > 60
-    process.write_line("1", last=False)
+    process.write_line("1")
     assert child.up.wait(LIMIT)
     now = Usage()
     measure_usage(process.pid, now)
@@ -205,7 +205,7 @@ def test_memory_is_the_peak() -> None:
     assert process.usage.pss_mb == full
     assert now.rss_mb > 60  # the kernel's own high-water mark
     assert process.usage.cpu_seconds > 0
-    process.write_line("end")
+    process.kill()
     child.finish()
     process.measure()
     measure_usage(process.pid, gone := Usage())

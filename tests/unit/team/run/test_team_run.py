@@ -92,9 +92,9 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
 
 
 def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
-    """After its options, the endpoint goes to every process's standard input as soon as the router has reported it."""
+    """The router's, which has reported it, is in the environment of all others."""
     pretend.router = f"print(input(), flush=True)\n{ANNOUNCE}"
-    pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
+    pretend.others = f"import os; print(os.environ['ZTEAM_CONNECT'], flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
         assert run.members.endpoint == "tcp/127.0.0.1:5"
@@ -211,7 +211,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
 @pytest.mark.parametrize("gone", [False, True])
 def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
     """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
-    pretend.others = "input(); input()" if gone else WAIT
+    pretend.others = "input()" if gone else WAIT
     pretend.router = ANNOUNCE.replace("600", "1")
     with pretend.run() as run:
         if gone:
