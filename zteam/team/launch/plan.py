@@ -164,19 +164,11 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
 class LaunchPlan(msgspec.Struct):
     """Jobs by process name, in the order of starting, without the router."""
 
-    own: dict[str, Job]
-    """The processes of zteam: they start at once, import, and read the router's endpoint."""
-    nodes: dict[str, Job] = {}
-    """The user's own processes, which start when the router listens."""
+    jobs: dict[str, Job]
     unawaited: frozenset[str] = frozenset()
     """Names of the members without which the run begins."""
     optional: frozenset[str] = frozenset()
     """Names of the members that come with zteam and that the team does not need: they may end at any time."""
-
-    @property
-    def jobs(self) -> dict[str, Job]:
-        """All of them."""
-        return {**self.own, **self.nodes}
 
 
 def stop_order(processes: Iterable[str]) -> list[list[str]]:
@@ -196,11 +188,11 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
-    own, optional = dict[str, Job](), set[str]()
+    jobs, optional = dict[str, Job](), set[str]()
     for name, options in options_of(launch).items():
         # A view takes no part in the run: it may end, and a new one changes nothing.
         is_view = isinstance(options, ViewOptions)
-        own[name] = Job(
+        jobs[name] = Job(
             MEMBER,
             words=to_line(name, options),
             restarts=restarts.get(name, launch.restarts) or is_view,
@@ -214,7 +206,7 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
         for node in team.nodes
     }
     awaited = launch.participants if launch.pace.lockstep else ()
-    return LaunchPlan(own, nodes, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
+    return LaunchPlan({**jobs, **nodes}, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
 
 
 def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:
@@ -232,7 +224,7 @@ def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Jo
     entry = msgspec.structs.replace(entry, behavior=behavior, follow=None, params={})
     alone = msgspec.structs.replace(launch, team=msgspec.structs.replace(launch.team, robots=[entry], nodes=[]))
     name = names.robot_name(robot_id)
-    return name, plan_team(alone).own[name]
+    return name, plan_team(alone).jobs[name]
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:

@@ -26,7 +26,7 @@ from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
 from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.launch.plan import LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
+from zteam.team.launch.plan import MEMBER, LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Member
@@ -196,7 +196,8 @@ class TeamRun:
             progress.check_begun(go_timeout)
         holders = list[str]()
         while not (supervisor.wait(is_over, 1.0) or holders):
-            gone = [name for name in self._missing(False) if name in self.plan.nodes]
+            jobs = self.plan.jobs
+            gone = [name for name in self._missing(False) if name in jobs and jobs[name].command != MEMBER]
             holders = gone if gone and holders_of_first_tick(self._observer.bus) else []
         if missing or holders:
             told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)

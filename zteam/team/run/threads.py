@@ -347,7 +347,7 @@ class Threads:
             Thread(target=node.run, name=name, daemon=True).start()
             return node
 
-        self.supervisor.start_member(name, begin, self._plan.own.get(name, Job(())))
+        self.supervisor.start_member(name, begin, self._plan.jobs.get(name, Job(())))
 
     def _make(self, name: str) -> NodeThread:
         return NodeThread(name, self.parts[name], self._sessions, self.supervisor.take_end)

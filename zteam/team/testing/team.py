@@ -337,7 +337,7 @@ class TeamFixture:
             plan = self._run.plan
             for name in nodes.keys() & plan.jobs.keys():
                 raise UsageError(f"node {name!r}: the team has a process of this name already")
-            plan.own |= nodes
+            plan.jobs |= nodes
         self._opened()
         self._run.start()
         self._watch.wait_for_members()

@@ -99,7 +99,7 @@ def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
         run.start()
         assert run.members.endpoint == "tcp/127.0.0.1:5"
         options = RouterOptions((DEFAULT_ENDPOINT,), lease=LEASE, for_team="starts")
-        expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
+        expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.jobs}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
     assert not any(p.running for p in run.supervisor.processes.values())
 
@@ -135,7 +135,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend, code: str) -> None:
     """A run without its simulator has no result: it ends with an error that names the simulator."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.own[names.SIMULATOR] = Job(python(code))
+        run.plan.jobs[names.SIMULATOR] = Job(python(code))
         run.start()
         if code == WAIT:
             run.supervisor.processes[names.SIMULATOR].kill()
@@ -169,7 +169,7 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.Monk
 def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
     """GO waits for all processes: the error names the ended one, its exit code and its last line."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.own[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
+        run.plan.jobs[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
         run.start()
         expected = rf"{name} ended \(exit code {code}: no such leader\): the run cannot begin"
         with pytest.raises(ZteamError, match=expected):
@@ -196,7 +196,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
     held = SimStatus("", [0], 1, 1, 0, tick=1, real_time_factor=0.0, lockstep=True, waiting_for="goals")
     pretend.hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: held)
     with pretend.run(run_for=1.0) as run:
-        run.plan.nodes["goals"] = Job(python(WAIT))
+        run.plan.jobs["goals"] = Job(python(WAIT))
         run.start()
         ScriptedMonitor(pretend.hub).give_go()
         progress = run._progress
@@ -219,7 +219,7 @@ def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> 
         run.start()
         with nullcontext() if gone else pytest.raises(ZteamError, match=r"no GO within 0\.01 s"):
             run.watch(0.01)
-        assert run.supervisor.ended.issuperset(run.plan.own) == gone
+        assert run.supervisor.ended.issuperset(run.plan.jobs) == gone
 
 
 @pytest.mark.parametrize("namespace", [None, "mine"])

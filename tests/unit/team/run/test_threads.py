@@ -28,9 +28,9 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     path = tmp_path / "team.toml"
     path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
     launch = TeamLaunch(load_team(path), find_world("office"), team_file=path)
-    assert [*parts_of(launch, lambda name, text: None, {})] == [*plan_team(launch).own]
+    assert [*parts_of(launch, lambda name, text: None, {})] == [*plan_team(launch).jobs]
     needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
-    assert all(any(kind.includes(name) for name in plan_team(launch).own) for kind in needed)
+    assert all(any(kind.includes(name) for name in plan_team(launch).jobs) for kind in needed)
 
 
 def test_the_router_ends_with_it() -> None:
