@@ -135,6 +135,7 @@ def _course(
     told += f" for {fault.seconds:g} s" if fault.lasts else ""
     in_world = planned or (means.simulate is not None and is_simulated(fault))
     before, is_robot = team.instances(fault.name), names.robot_id_of(fault.name) is not None
+    has_token = (kind := kind_of(fault.name)) is not None and kind.on_bus
     # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
     drove = [each for each in watchdog.driving() if each.name == fault.name or not is_robot]
     # This process hears of it later than the simulator, whose plan counts from GO.
@@ -166,7 +167,8 @@ def _course(
         nonlocal since
         if is_robot and drove and (halted := drove[0].motion.halted) > began:
             outcome.stood_after = to_seconds(halted - began)
-        if since is None and _is_back(fault, before, team.instances(fault.name)):
+        there = team.instances(fault.name)
+        if since is None and (not has_token or (there - before if fault.fault == "kill" else there)):
             # Before it was back, a robot may have moved on for the time of its watchdog.
             now = end_stamp if in_world else team.now
             since = [(robot, robot.motion.world, now) for robot in drove]
@@ -190,12 +192,6 @@ def _course(
         is_stopped = yield is_over, math.inf
     if not is_stopped:
         say(describe(outcome))
-
-
-def _is_back(fault: Fault, before: frozenset[str], there: frozenset[str]) -> bool:
-    """Whether the process of a fault is there, of whose name these sessions were there before and are there now."""
-    kind = kind_of(fault.name)
-    return kind is None or not kind.on_bus or bool(there - before if fault.fault == "kill" else there)
 
 
 def carry_out(
