@@ -5,11 +5,10 @@ No byte is lost or changed, as on a bad wire under TCP. One thread moves the byt
 """
 
 import asyncio
-import logging
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 
 from zteam import names
 from zteam.bus import Bus
@@ -17,8 +16,6 @@ from zteam.bus.options import host_port
 from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
 from zteam.team.chaos.means import GOOD, LinkReply, LinkRequest, Wire
-
-log = logging.getLogger("zteam")
 
 _CHUNK = 1 << 16
 """Bytes that are read at once."""
@@ -28,8 +25,6 @@ _MOST_HELD = 1 << 22
 """Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
-_REST = 1.0
-"""Host seconds without new connections after one could not be accepted."""
 
 
 class Link:
@@ -39,13 +34,11 @@ class Link:
         """A free port of the loopback interface leads to `target`. Raises OSError."""
         self._loop, self.target = loop, target
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.setblocking(False)
         self.port = self._listener.getsockname()[1]
         self.up = self.down = GOOD
         """From the process to the router, and back."""
         self._changed: asyncio.Future[None] = loop.create_future()
         """Done with the next change."""
-        self._connections: set[asyncio.Task[None]] = set()
         self._healing: asyncio.TimerHandle | None = None
 
     def change(self, up: Wire = GOOD, down: Wire = GOOD, seconds: float = 0.0) -> None:
@@ -62,35 +55,25 @@ class Link:
 
     async def serve(self) -> None:
         """Accept connections and pass them on."""
-        with self._listener:
-            while True:
-                try:
-                    near, _ = await self._loop.sock_accept(self._listener)
-                except OSError as error:
-                    log.error("a link takes no connection until there is room: %s", error)
-                    await asyncio.wait([self._changed], timeout=_REST)
-                    continue
-                connection = self._loop.create_task(self._pass_on(near))
-                self._connections.add(connection)
-                connection.add_done_callback(self._connections.discard)
+        async with await asyncio.start_server(self._pass_on, sock=self._listener) as server:
+            await server.serve_forever()
 
-    async def _pass_on(self, near: socket.socket) -> None:
+    async def _pass_on(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
-        with near, suppress(OSError):
+        with suppress(OSError), closing(near_out):
             await self._until_uncut(lambda: self.up)
-            with socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET) as far:
-                far.setblocking(False)
-                for end in (near, far):
-                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                await self._loop.sock_connect(far, self.target)
-                up, down = self._pump(near, far, lambda: self.up), self._pump(far, near, lambda: self.down)
+            far, far_out = await asyncio.open_connection(*self.target)
+            with closing(far_out):
+                up, down = self._pump(near, far_out, lambda: self.up), self._pump(far, near_out, lambda: self.down)
                 await asyncio.gather(up, down)
 
     async def _until_uncut(self, wire_now: Callable[[], Wire]) -> None:
         while wire_now().stalled:
             await asyncio.wait([self._changed])
 
-    async def _pump(self, source: socket.socket, sink: socket.socket, wire_now: Callable[[], Wire]) -> None:
+    async def _pump(
+        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire_now: Callable[[], Wire]
+    ) -> None:
         """Pass bytes until the source has ended or the sink takes no more: the other direction goes on to its end."""
         held = asyncio.Queue[tuple[float, bytes]]()
         """Bytes, with the host time at which they came; none at the end."""
@@ -106,7 +89,7 @@ class Link:
                     room.clear()
                     await room.wait()
                 try:
-                    data = await self._loop.sock_recv(source, _CHUNK)
+                    data = await source.read(_CHUNK)
                 except OSError:
                     data = b""
                 size += len(data)
@@ -126,10 +109,11 @@ class Link:
                             await asyncio.wait([self._changed], timeout=None if wire.stalled else wait)
                             continue
                         if not data:
-                            sink.shutdown(socket.SHUT_WR)
+                            sink.write_eof()
                             return
                         part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
-                        await self._loop.sock_sendall(sink, part)
+                        sink.write(part)
+                        await sink.drain()
                         rest = rest[len(part) :]
                         if wire.rate is not None:
                             free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
