@@ -26,7 +26,7 @@ SLEEPER = "import subprocess, sys\np = subprocess.Popen([sys.executable, '-c', '
 
 def run(code: str) -> Started:
     """A child that runs a Python text."""
-    return Started(spawn, [sys.executable, "-c", code])
+    return Started(spawn, [sys.executable, "-S", "-c", code])
 
 
 def test_lines_come_in_order_from_both_outputs() -> None:

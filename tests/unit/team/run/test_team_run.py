@@ -37,7 +37,7 @@ TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 def python(code: str) -> list[str]:
     """A command that runs a Python text."""
-    return [sys.executable, "-c", code]
+    return [sys.executable, "-S", "-c", code]
 
 
 WAIT = "import time; time.sleep(600)"

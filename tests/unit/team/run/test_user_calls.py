@@ -17,7 +17,7 @@ from zteam.team.launch.plan import Pace
 from zteam.team.run import threads
 from zteam.team.run.threads import CallWatch, end_user_calls
 
-PACE = Pace(lockstep=True, timeout=0.05)
+PACE = Pace(lockstep=True, timeout=0.02)
 
 
 @pytest.fixture(autouse=True)
@@ -98,13 +98,13 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
         done.set()
         slow.join(LIMIT)
     assert ended == [*watch.hung] == ["robot_1"]
-    assert log.count("robot_1 hangs: after 0.05 s loop has not returned") == 1
+    assert log.count("robot_1 hangs: after 0.02 s loop has not returned") == 1
     assert f'File "{__file__}"' in watch.hangs["robot_1"]
 
 
 def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
     """With `in_real_time` calls are ended out of lock-step too."""
-    watch = CallWatch(Pace(timeout=0.05), in_real_time=True)
+    watch = CallWatch(Pace(timeout=0.02), in_real_time=True)
 
     def work() -> None:
         with working_for("robot_1"), pytest.raises(SystemExit):
@@ -114,7 +114,7 @@ def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
         thread = in_thread(work)
         thread.join(LIMIT)
     assert not thread.is_alive()
-    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.05 s loop has not returned (")
+    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.02 s loop has not returned (")
 
 
 def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> None:
