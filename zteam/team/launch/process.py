@@ -249,11 +249,7 @@ class Process:
                     continue
                 given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}
                 self.report = msgspec.structs.replace(self.report, **given)
-                try:
-                    self._on_report(self, news)
-                except Exception:
-                    # The end of this thread would close the link, and so stop the child.
-                    log.exception("a report of %s could not be passed on", self.name)
+                self._on_report(self, news)
 
     def _watch(self) -> None:
         """Wait until the process ends, and call `on_exit`."""

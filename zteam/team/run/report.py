@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import TypeVar
 
@@ -74,16 +75,14 @@ def seconds_since_start() -> float:
     return uptime - ticks / os.sysconf("SC_CLK_TCK")
 
 
-def read_sim_report(bus: Bus) -> SimReport:
-    """The simulator's count. Raises BusError when the simulator does not answer."""
-    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
-
-
 def read_report(bus: Bus) -> RunReport:
     """What every process counted; the launcher adds the rest. Raises BusError when the simulator does not answer."""
-    simulator = read_sim_report(bus)
+    simulator = bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
     report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
-    report.dropped = read_dropped(bus)
+    dropped = Counter[str]()
+    for _, counts in _read_all(bus, "stats", dict[str, KeyCount]):
+        dropped.update({key: count.dropped for key, count in counts.items()})
+    report.dropped = dict(sorted((+dropped).items()))
     report.safety_stops = {name: reply.stops for name, reply in _read_all(bus, SAFETY, SafetyReply)}
     if simulator.lockstep:
         report.rounds = dict(_read_all(bus, "timing", RoundTiming))
@@ -94,16 +93,6 @@ def _read_all(bus: Bus, service: str, kind: type[S]) -> list[tuple[str, S]]:
     """The answers of every process that answers, with its name."""
     answers = bus.query(names.service_key("*", service), kind, timeout=_ANSWER_LIMIT)
     return [(key.partition("/")[0], answer) for key, answer in answers]
-
-
-def read_dropped(bus: Bus) -> dict[str, int]:
-    """Refused payloads by key, summed over every process that answers."""
-    dropped: dict[str, int] = {}
-    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_ANSWER_LIMIT):
-        for key, count in counts.items():
-            if count.dropped:
-                dropped[key] = dropped.get(key, 0) + count.dropped
-    return dict(sorted(dropped.items()))
 
 
 def process_row(

@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
-_LAST_WORDS = 1.0
-"""Host seconds to wait for the output of a process that has ended."""
-
 
 class RunState(Enum):
     """How far a run is."""
@@ -216,7 +213,8 @@ class TeamRun:
     def _last_words(self, name: str) -> str:
         """Why a member ended: its exit code and the last line of its output."""
         member = self.supervisor.members[name]
-        member.join(_LAST_WORDS)
+        # Its last lines may be on their way.
+        member.join(1.0)
         said = [line for line in member.lines if line.strip()]
         return exit_text(member.exit_code) + (f": {said[-1].strip()}" if said else "")
 

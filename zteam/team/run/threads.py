@@ -117,10 +117,7 @@ def end_user_calls() -> None:
 class CallWatch:
     """Ends the calls of nodes that last longer than the time-out of lock-step, in which other nodes wait for them."""
 
-    def __init__(self, pace: Pace, *, in_real_time: bool) -> None:
-        """Out of lock-step such calls go on, unless they are to end `in_real_time` too."""
-        self._ends_calls = pace.lockstep or in_real_time
-        self._timeout = pace.timeout
+    def __init__(self) -> None:
         self.hangs: dict[str, str] = {}
         """The nodes whose calls lasted too long, and where they were then, in words."""
         self._before = {*hanging()}
@@ -137,14 +134,15 @@ class CallWatch:
         """The calls that others wait for now, those of other teams too, and their threads."""
         return {(work.call, work.node): thread for thread, work in WORK.copy().items() if work.node and work.call}
 
-    def start(self) -> Callable[[], None]:
-        """Have a thread look at the calls; returns a function that ends this."""
+    def start(self, pace: Pace, *, in_real_time: bool) -> Callable[[], None]:
+        """Have a thread look at the calls; returns a function that ends this. Out of lock-step such calls go on, unless
+        they are to end `in_real_time` too."""
         ended = threading.Event()
-        if self._ends_calls:
-            Thread(target=self._watch, args=(ended,), name="calls", daemon=True).start()
+        if pace.lockstep or in_real_time:
+            Thread(target=self._watch, args=(pace.timeout, ended), name="calls", daemon=True).start()
         return ended.set
 
-    def _watch(self, ended: threading.Event) -> None:
+    def _watch(self, timeout: float, ended: threading.Event) -> None:
         looks = dict[Call, int]()
         while not ended.wait(_PERIOD):
             calls = {call: thread for call, thread in self._calls().items() if call not in self._calls_before}
@@ -155,14 +153,14 @@ class CallWatch:
                 call: looks.get(call, 0) + 1 for call, thread in calls.items() if call not in looks or thread in shown
             }
             for call, count in looks.items():
-                if count * _PERIOD > self._timeout and calls[call] in shown:
-                    self._name(call[1], shown[calls[call]])
+                if count * _PERIOD > timeout and calls[call] in shown:
+                    self._name(call[1], f"after {timeout:g} s {shown[calls[call]]}")
                     if call in self._calls():
                         end_call(calls[call])
 
     def _name(self, node: str, text: str) -> None:
         if node not in self.hangs:
-            self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {text}"
+            self.hangs[node] = f"{node} hangs: {text}"
             with working_for(node):
                 log.error("%s", self.hangs[node])
 
@@ -265,10 +263,8 @@ class Threads:
         self._stop, self._ends_calls, self._prefix_log = stop or Stop(), ends_calls, prefix_log
         self._environment: dict[str, str] = {}
         """What lets a process join the team."""
-        self._calls: CallWatch | None = None
-        """None before there is a team."""
-        self.hangs: dict[str, str] = {}
-        """Where nodes were whose calls lasted too long, in words."""
+        self._calls = CallWatch()
+        self.hangs = self._calls.hangs
         self._ends = ExitStack()
 
     change_link = staticmethod(no_link)
@@ -276,16 +272,14 @@ class Threads:
     @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return set() if self._calls is None else self._calls.hung
+        return self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
         self._plan, self._pace = plan, launch.pace
         self.parts = parts_of(launch, self._on_line, self._nodes)
-        self._calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
-        self.hangs = self._calls.hangs
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
-        self._ends.callback(self._calls.start())
+        self._ends.callback(self._calls.start(launch.pace, in_real_time=self._ends_calls))
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""

@@ -6,7 +6,6 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 """
 
 import copy
-import inspect
 import itertools
 import logging
 import math
@@ -500,7 +499,7 @@ class SharedTeam(TeamFixture):
     """The `team_module` and `team_session` fixtures: each test finds the team as `start` or `launch` left it, because
     it is started anew."""
 
-    _call: tuple[Callable[..., None], Mapping[str, Any]] | None = None
+    _call: tuple[Any, ...] | None = None
     """What has started the team, `start` or `launch`, and its arguments."""
     _is_new = False
     """Whether this test may still start the team."""
@@ -514,29 +513,29 @@ class SharedTeam(TeamFixture):
         self._begin(super().launch, args, kwargs)
 
     def _begin(self, begin: Callable[..., None], args: Any, kwargs: Any) -> None:
-        """Start the team. In a later test that is done already, unless another team is asked for."""
-        call = begin, copy.deepcopy(inspect.signature(begin).bind(*args, **kwargs).arguments)
+        call = begin, *copy.deepcopy((args, kwargs))
         if self._is_new:
             self._is_new = False
             if call == self._call:
                 return
             self._end()
-        self._call = None
         begin(*args, **kwargs)
         self._call = call
 
     def _end(self) -> None:
         """End the team: as if nothing had been asked of the fixture yet."""
         self.close()
+        self._call = None
         TeamFixture.__init__(self, self._rootdir, live=self._live)
 
     def put_back(self) -> None:
         """Before a test: end the team of the test before, and start it again with the same arguments."""
+        call = self._call
         self._end()
-        self._is_new = self._call is not None
-        if self._call is not None:
-            begin, arguments = self._call
-            begin(**arguments)
+        if call is not None:
+            self._call, self._is_new = call, True
+            begin, args, kwargs = call
+            begin(*args, **kwargs)
 
 
 def search_folders() -> list[str]:

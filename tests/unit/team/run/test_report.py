@@ -24,9 +24,7 @@ from zteam.team.run.report import (
     check_writable,
     format_report,
     process_row,
-    read_dropped,
     read_report,
-    read_sim_report,
     write_report,
 )
 
@@ -167,13 +165,14 @@ def test_drops_are_summed_over_all_processes() -> None:
     for bus, key in ((first, "robot_1/cmd_vel"), (first, "clock"), (second, "clock"), (second, "clock")):
         bus.counters.drop(key, "test")
     second.counters.of("map").received += 1
-    assert [*read_dropped(hub.bus()).items()] == [("clock", 3), ("robot_1/cmd_vel", 1)]
+    first.serve("sim/report", NoRequest, lambda _: COUNTED)
+    assert [*read_report(hub.bus()).dropped.items()] == [("clock", 3), ("robot_1/cmd_vel", 1)]
 
 
 def test_a_silent_simulator_is_an_error() -> None:
     """Without a simulator there is no report."""
     with pytest.raises(BusError, match="sim/report"):
-        read_sim_report(MemoryHub().bus())
+        read_report(MemoryHub().bus())
 
 
 def test_the_launcher_is_a_process_too() -> None:
