@@ -5,7 +5,7 @@ import sys
 import threading
 
 from support.limits import LIMIT
-from zteam.team.launch.process import Process, StartChild
+from zteam.team.launch.process import Job, Process, StartChild
 
 
 def obey(code: str, *arguments: str) -> list[str]:
@@ -21,12 +21,11 @@ class Started:
         self.up = threading.Event()
         self.process = Process(
             "child",
-            command,
-            on_line=self._take,
-            on_report=lambda *_: self.up.set(),
-            on_exit=lambda _process: self.up.set(),
-            environment=environment,
-            start_child=start,
+            Job(command, environment),
+            self._take,
+            lambda *_: self.up.set(),
+            lambda _process: self.up.set(),
+            start,
         )
 
     def _take(self, _process: Process, line: str) -> None:

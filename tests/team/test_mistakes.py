@@ -14,7 +14,7 @@ import pytest
 from support.limits import LIMIT
 from support.mistakes import BESIDE_A_TEAM, Mistake
 from zteam.errors import UsageError
-from zteam.team.launch.process import Process, zteam_command
+from zteam.team.launch.process import Job, Process, zteam_command
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.testing.team import TeamFixture, TeamTimeout
 
@@ -35,15 +35,8 @@ def run(words: Sequence[str], warm: WarmParent, environment: Mapping[str, str], 
     """The exit code and the output of a command."""
     lines: list[str] = []
     first, *rest = words
-    process = Process(
-        "mistake",
-        [sys.executable, *rest] if first == "python" else zteam_command(first, *rest),
-        on_line=lambda _process, line: lines.append(line),
-        on_exit=lambda _process: None,
-        environment=environment,
-        folder=folder,
-        start_child=warm.start,
-    )
+    job = Job([sys.executable, *rest] if first == "python" else zteam_command(first, *rest), environment, folder)
+    process = Process("mistake", job, lambda _, line: lines.append(line), lambda *_: None, lambda _: None, warm.start)
     process.write_line("")
     assert process.join(LIMIT)
     return process.exit_code, "".join(f"{line}\n" for line in lines)

@@ -105,10 +105,10 @@ class Line:
 
     def kill_and_wait(self, name: str) -> None:
         """Kill a process and wait until it is back; how soon is a figure of the study `recovery`."""
-        recoveries = self.run._recoveries
-        assert recoveries is not None
+        progress = self.run._progress
+        assert progress is not None
         self.run.supervisor.processes[name].signal(signal.SIGKILL)
-        self.wait_for(lambda: name in recoveries.seconds)
+        self.wait_for(lambda: name in progress.away)
 
     def said(self, name: str, text: str) -> list[str]:
         """The lines of a process that have this text."""
@@ -153,7 +153,7 @@ def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: py
         assert line.seen.team_status.state == TeamState.GO
         line.wait_for(lambda: all(getattr(line.seen.robot(i).status, "epoch", 0) == 2 for i in ROBOTS))
         assert {line.seen.robot(i).status.state for i in ROBOTS} == {RobotState.RUNNING}
-        assert line.run.supervisor.restarts.counts == dict.fromkeys(KILLED, 1)
+        assert line.run.supervisor.restarts == dict.fromkeys(KILLED, 1)
         for other in others:
             assert len(line.said(other, "router lost: waiting")) == 1
             assert len(line.said(other, "warning: router is back")) == 1
@@ -200,7 +200,7 @@ def test_the_others_drive_on_while_a_process_is_away(monkeypatch: pytest.MonkeyP
         line.wait_for(lambda: all(abs(speed) > MOVES for speed in line.speeds()[:3]))
         since = line.kill(names.AGGREGATOR)
         line.wait_for(lambda: any(line.moved[i] > since for i in ROBOTS[:3]))
-        assert line.run.supervisor.restarts.counts == {}
+        assert line.run.supervisor.restarts == {}
 
 
 @pytest.mark.real_time

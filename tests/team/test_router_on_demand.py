@@ -21,6 +21,7 @@ from zteam.bus.router import RouterMetadata, read_admin, router_log_path
 from zteam.clock import HOST_FACTOR
 from zteam.errors import BusError
 from zteam.messages import Bool
+from zteam.team.launch.process import Job
 from zteam.team.launch.supervisor import Supervisor
 
 pytestmark = pytest.mark.team
@@ -171,13 +172,13 @@ class Terminals:
         self._endpoint = endpoint
         self.said = defaultdict[str, list[str]](list)
         """Lines by command."""
-        self._supervisor = Supervisor(lambda name, line: self.said[name].append(line), lambda _member, _again: None)
+        self._supervisor = Supervisor(lambda name, line: self.said[name].append(line))
 
     def run(self, name: str, program: str, *words: str, **environment: str) -> None:
         """Start a module or a file; its lines begin anew."""
         self.said[name] = []
         command = [sys.executable, "-P", "-c", AS_DEFAULT, self._endpoint, program, *words]
-        self._supervisor.start(name, command, environment)
+        self._supervisor.start_job(name, Job(command, environment))
 
     def start_team(self, team: str = "arena") -> None:
         """`zteam up`, until two robots drive."""

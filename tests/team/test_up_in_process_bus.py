@@ -14,7 +14,6 @@ import zteam
 from support.limits import LIMIT
 from zteam.bus.options import port_accepts
 from zteam.team.launch.process import zteam_command
-from zteam.team.run.report import read_sim_report
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -86,7 +85,7 @@ def test_tools_that_look_change_nothing(team: TeamFixture) -> None:
     assert "no problems" in told(team, "doctor")
     team.wait_for_line("view", "GO is out; 2 of 2 ready")
     told(team, "sim", "pause")
-    report = read_sim_report(team.bus)
+    report = team.report
     assert report.external_commands == 0
     alone = zteam.run_team("arena", until=team.sim_status.tick + 1)
     assert (report.ticks, report.trajectory_sha256) == (alone.ticks, alone.trajectory_sha256)

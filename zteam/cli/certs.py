@@ -23,11 +23,10 @@ from zteam.team.security.certificates import (
     FOLDER,
     MAX_DAYS,
     Authority,
-    left_text,
+    Issued,
     load_certificate,
     open_authority,
     read_index,
-    state_until,
 )
 
 
@@ -112,7 +111,7 @@ def _issue_missing(authority: Authority, names: Sequence[str], hosts: Sequence[s
             text = f"{name}.{last.serial} is valid, but not for {lacking[0]}: 'zteam certs renew {name} {words}'"
             raise UsageError(text)
         else:
-            print_line(f"{name}.{last.serial} is valid for {left_text(last.expires)} still")
+            print_line(f"{name}.{last.serial} is valid for {last.left} still")
     _issue_now(authority, missing, hosts, days)
 
 
@@ -149,12 +148,12 @@ def _revoke(args: argparse.Namespace) -> None:
 
 def _list(args: argparse.Namespace) -> None:
     index = read_index(args.folder)
-    end = load_certificate(args.folder / CA).not_valid_after_utc
-    rows = [Row("authority", 0, end.isoformat(), left_text(end), state_until(end))]
-    for name, found in sorted(index.certificates.items()):
-        for each in found:
-            left = left_text(each.expires)
-            rows.append(Row(name, each.serial, each.expires.isoformat(), left, each.state, each.hosts))
+    own = Issued(0, load_certificate(args.folder / CA).not_valid_after_utc)
+    rows = [
+        Row(name, each.serial, each.expires.isoformat(), each.left, each.state, each.hosts)
+        for name, found in [("authority", [own]), *sorted(index.certificates.items())]
+        for each in found
+    ]
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
     print_json(rows) if args.json else print_block(format_table(("name", "serial", "expires in", "state"), cells))
 

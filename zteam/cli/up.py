@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Iterable
-from contextlib import ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -190,7 +190,7 @@ def _up(args: argparse.Namespace) -> int:
 
         bus, launch = bus_options(args), _launch(args)
         bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
-        become(launch, args.only, node_environment(bus.endpoint, bus))
+        become(launch, args.only, node_environment(bus))
     if args.in_process:
         return _run_here(_launch(args), bus_options(args), args)
     from zteam.team.launch.warm_parent import WarmParent
@@ -286,15 +286,12 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     from zteam.node.logs import passing_lines
     from zteam.node.shutdown import Stop, exit_hard_later
     from zteam.team.run.team_run import TeamRun
-    from zteam.team.run.threads import Threads, open_outside
+    from zteam.team.run.threads import Threads
 
     stop = Stop()
-    with (
-        open_display(args.log_format, args.run_for) as display,
-        open_outside(bus, launch.pace) if args.bus else nullcontext() as outside,
-    ):
+    with open_display(args.log_format, args.run_for) as display:
         _give_terminal_to_debugger(display)
-        members = Threads(outside=outside, on_line=display.line)
+        members = Threads(None, bus if args.bus else None, stop, on_line=display.line)
         with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
             # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))

@@ -1,6 +1,7 @@
 """How an error of a user's own code is shown: its traceback without the frames of zteam around it; and where code is
 that does not return."""
 
+import contextlib
 import faulthandler
 import logging
 import os
@@ -12,6 +13,7 @@ from itertools import takewhile
 from pathlib import Path
 from traceback import FrameSummary, StackSummary
 
+from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.node.launcher import report
 from zteam.node.shutdown import Stop
 
@@ -32,9 +34,13 @@ _SHORTAGES = (
 """What Python, Zenoh, the dynamic loader and the system say where there is no more memory, thread or descriptor."""
 STACKS = "ZTEAM_STACKS"
 """Environment: a folder of the `team` fixture. A process that finds it there lets the fixture read where it hangs."""
-STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
+_STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
 """Each has a process write the stacks of its threads to its file in that folder. The second one is for a process that
 does not answer the first one."""
+_ANSWER = 1.0 * HOST_FACTOR
+"""Host seconds for a process to write its stacks on a signal; a frozen one writes none."""
+_WHOLE = 0.3 * HOST_FACTOR
+"""Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
 _THREAD = re.compile(r"^(?:Current thread|Thread) 0x([0-9a-f]+).*$", re.MULTILINE)
 _FRAME = re.compile(r'^  (?:File "(.*)", line (\d+) in (.*)|\.\.\.)$', re.MULTILINE)
 """As `faulthandler` writes them. Three dots follow the frames of a long stack."""
@@ -48,7 +54,7 @@ def is_own(file: str) -> bool:
 
 
 def offer_stacks(name: str, stop: Stop) -> None:
-    """On each of STACK_SIGNALS the process `name` writes its stacks to a file of its own in the folder STACKS.
+    """On each of _STACK_SIGNALS the process `name` writes its stacks to a file of its own in the folder STACKS.
 
     `stop` is not installed yet. The file's name ends with the process id. The process holds a lock on the file as long
     as it lives, so that its reader signals no other process.
@@ -65,12 +71,54 @@ def offer_stacks(name: str, stop: Stop) -> None:
     path = f"{folder}/{name.replace(os.sep, chr(95))}.{os.getpid()}"
     try:
         descriptor = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
-        first, second = (getattr(signal, name) for name in STACK_SIGNALS)
+        first, second = (getattr(signal, name) for name in _STACK_SIGNALS)
         stop.on_signal(first, lambda: faulthandler.dump_traceback(descriptor))
         faulthandler.register(second, file=descriptor, chain=False)
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     except OSError as error:
         log.debug("%s: %s", path, error)
+
+
+def where_it_is(folder: str, name: str) -> str:
+    """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none, or if
+    no process of this name has offered that in `folder`."""
+    found = [path for path in Path(folder).glob(f"{name}.*") if path.stem == name and _is_held(path)]
+    if not found:
+        return ""
+    # Of two that claim the name the newer one waits.
+    path = min(found, key=lambda path: path.stat().st_ctime)
+    dump = next(filter(None, (_ask(path, name) for name in _STACK_SIGNALS)), "")
+    return "\n".join(dict.fromkeys(unreturned_calls(dump).values()))
+
+
+def _ask(path: Path, name: str) -> str:
+    """What the process that holds `path` writes on the signal; empty if it does not answer."""
+    before = seen = path.stat().st_size
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(int(path.suffix[1:]), getattr(signal, name))
+    grown = monotonic()
+    end = grown + _ANSWER
+    while monotonic() < end:
+        pause(0.05)
+        size = path.stat().st_size
+        if size != seen:
+            seen, grown = size, monotonic()
+        elif size > before and monotonic() - grown > _WHOLE:
+            break
+    with path.open("rb") as file:
+        file.seek(before)
+        return file.read().decode(errors="replace")
+
+
+def _is_held(path: Path) -> bool:
+    """Whether the process that made the file lives: it holds a lock on it."""
+    import fcntl
+
+    with contextlib.suppress(ValueError, BlockingIOError), path.open("rb") as file:
+        int(path.suffix[1:])
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    return path.suffix[1:].isdigit()
 
 
 def is_library(file: str) -> bool:

@@ -126,7 +126,7 @@ def _view(options: ViewOptions) -> Part:
 def _own_node(options: NodeOptions) -> Part:
     from zteam.node.node import Node, stepping
     from zteam.robot.behaviors.registry import look_in
-    from zteam.team.own_code import find_body
+    from zteam.team.launch.own_behaviors import find_body
 
     look_in(options.folders)
     return Part(stepping(find_body(options.name, options.body)), Node)

@@ -22,6 +22,7 @@ from zteam.cli.bench import figure
 from zteam.cli.bench_team import measure_team
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
+from zteam.team.launch.process import Job
 from zteam.world import load_world
 
 TICK_LIMIT = 2.0 * HOST_FACTOR
@@ -72,9 +73,9 @@ def _exchange(robots: int, beams: int) -> float:
     command = [sys.executable, "-P", "-m", "studies.floor"]
     with launch() as processes:
         endpoint = processes.start_router()
-        processes.supervisor.start(names.AGGREGATOR, [*command, endpoint, str(robots)])
+        processes.supervisor.start_job(names.AGGREGATOR, Job([*command, endpoint, str(robots)]))
         for i in range(robots):
-            processes.supervisor.start(names.robot_name(i), [*command, endpoint, str(robots), str(i)])
+            processes.supervisor.start_job(names.robot_name(i), Job([*command, endpoint, str(robots), str(i)]))
         with _open(endpoint, "usual") as session:
             simulator = _Simulator(session, robots, beams)
             simulator.wait_for_team()

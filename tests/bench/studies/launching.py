@@ -22,8 +22,8 @@ from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
 from zteam.team.launch.plan import MEMBER
-from zteam.team.launch.process import Process, exit_text, zteam_command
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process, exit_text, zteam_command
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.run.report import RunReport
 from zteam.team.security.certificates import ACCESS, files_of
 
@@ -40,7 +40,7 @@ class Launch:
 
     def start(self, name: str, *command: str, environment: Mapping[str, str] = {}) -> Process:
         """Start a command of zteam."""
-        return self.supervisor.start(name, zteam_command(*command), environment)
+        return self.supervisor.start_job(name, Job(zteam_command(*command), environment))
 
     def start_router(self, certificates: Path | None = None) -> str:
         """Start a router, with a folder of certificates over TLS; its endpoint. Raises ZteamError."""

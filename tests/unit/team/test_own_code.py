@@ -10,8 +10,8 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.errors import UsageError
-from zteam.team.own_code import find_body, search_folders
-from zteam.team.testing.team import _SITE
+from zteam.team.launch.own_behaviors import find_body
+from zteam.team.testing.team import _SITE, search_folders
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ import logging
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import msgspec
 
@@ -121,104 +122,76 @@ class ChaosReport(msgspec.Struct):
         return sorted(each.recovery for each in self.faults if each.recovery is not None)
 
 
-class _Watched:
-    """A fault that has begun, and what it takes to see its end."""
+Wait = tuple[Callable[[], bool], float]
+"""What a fault waits for, and until which host time at the latest."""
 
-    def __init__(self, fault: Fault, watchdog: Watchdog, means: Means, *, planned: bool) -> None:
-        """`planned`: the simulator knows it already."""
-        self.fault, self._means, self._planned = fault, means, planned
-        self.in_world = planned or (means.simulate is not None and is_simulated(fault))
-        """Whether the simulator carries it out."""
-        self._heal: Callable[[], object] = lambda: None
-        """What ends it."""
-        self.outcome = Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts)
-        self._watchdog = watchdog
-        self._before = watchdog.team.instances(fault.name)
-        self._is_robot = names.robot_id_of(fault.name) is not None
-        # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
-        self._drove = [each for each in watchdog.driving() if each.name == fault.name or not self._is_robot]
-        # This process hears of it later than the simulator, whose plan counts from GO.
-        late = watchdog.elapsed - fault.at if planned else 0.0
-        self._began = watchdog.team.now - to_ns(late)
-        self._elapsed_end = watchdog.elapsed - late + fault.lasts
-        self._host_end = monotonic() + fault.lasts
-        self._end_stamp, self._ended_at = 0, 0.0
-        self._since: list[tuple[RobotView, int, int]] | None = None
-        """World and time after which each of the robots must move; None until the process is back."""
-        self.has_ended = False
-        if fault.fault == "kill":
-            self.end()
 
-    def begin(self, say: Callable[[str], None]) -> bool:
-        """Carry it out, unless the simulator knows of it; whether that is possible."""
-        fault, at = self.fault, f"{self._watchdog.elapsed:.1f} s"
-        told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
-        try:
-            if not self._planned:
-                self._heal = strike(fault, self._means)
-            say(f"{at}: {told}")
-        except ZteamError as error:
-            self.outcome.problem = str(error)
-            say(f"{at}: not carried out: {told}: {error}")
-        return not self.outcome.problem
+def _course(
+    fault: Fault, outcome: Outcome, watchdog: Watchdog, means: Means, say: Callable[[str], None], *, planned: bool
+) -> Generator[Wait, bool, None]:
+    """What happens from the beginning of a fault on to the team's recovery, up to each wait. It is sent whether the run
+    ends now. `planned`: the simulator knows it already."""
+    team, at, told = watchdog.team, f"{watchdog.elapsed:.1f} s", f"{fault.fault} {fault.name}"
+    told += f" for {fault.seconds:g} s" if fault.lasts else ""
+    in_world = planned or (means.simulate is not None and is_simulated(fault))
+    before, is_robot = team.instances(fault.name), names.robot_id_of(fault.name) is not None
+    has_token = (kind := kind_of(fault.name)) is not None and kind.on_bus
+    # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
+    drove = [each for each in watchdog.driving() if each.name == fault.name or not is_robot]
+    # This process hears of it later than the simulator, whose plan counts from GO.
+    late = watchdog.elapsed - fault.at if planned else 0.0
+    began, end, host_end = team.now - to_ns(late), watchdog.elapsed - late + fault.lasts, monotonic() + fault.lasts
+    try:
+        heal = None if planned else strike(fault, means)
+    except ZteamError as error:
+        outcome.problem = str(error)
+        say(f"{at}: not carried out: {told}: {error}")
+        return
+    say(f"{at}: {told}")
+    is_stopped = False
+    if fault.lasts:
+        # Simulated time, or the host's where that is first, as when the world stands; in the world there is no other.
+        is_stopped = yield lambda: watchdog.elapsed >= end, math.inf if in_world else host_end
+    try:
+        if heal is not None:
+            heal()
+    except ZteamError as error:
+        # A process that was killed meanwhile.
+        say(f"{fault.fault} {fault.name} could not be ended: {error}")
+    end_stamp, ended_at = began + to_ns(fault.lasts) if in_world else team.now, monotonic()
+    since: list[tuple[RobotView, int, int]] | None = None
+    """World and time after which each of the robots must move; None until the process is back."""
 
-    @property
-    def is_due(self) -> bool:
-        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands.
-
-        After its end: whether the team has recovered.
-        """
-        if self.has_ended:
-            return self.has_recovered
-        return self._watchdog.elapsed >= self._elapsed_end or self.host_left <= 0.0
-
-    @property
-    def host_left(self) -> float:
-        """Host seconds until it is over at the latest. A fault in the world ends with simulated time alone."""
-        return _LOOK if self.has_ended or self.in_world else max(0.0, self._host_end - monotonic())
-
-    def end(self, say: Callable[[str], None] = log.info) -> None:
-        """End it, unless that was done: from here on the recovery counts."""
-        if self.has_ended:
-            return
-        try:
-            self._heal()
-        except ZteamError as error:
-            # A process that was killed meanwhile.
-            say(f"{self.fault.fault} {self.fault.name} could not be ended: {error}")
-        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
-        self._ended_at, self.has_ended = monotonic(), True
-
-    @property
-    def has_recovered(self) -> bool:
+    def is_over() -> bool:
         """Whether the process and the robots are back; that is noted. True also when it takes too long."""
-        outcome, since = self.outcome, self._since
-        if self._is_robot and self._drove and (halted := self._drove[0].motion.halted) > self._began:
-            outcome.stood_after = to_seconds(halted - self._began)
-        if since is None and self._is_back:
+        nonlocal since
+        if is_robot and drove and (halted := drove[0].motion.halted) > began:
+            outcome.stood_after = to_seconds(halted - began)
+        there = team.instances(fault.name)
+        if since is None and (not has_token or (there - before if fault.fault == "kill" else there)):
             # Before it was back, a robot may have moved on for the time of its watchdog.
-            now = self._end_stamp if self.in_world else self._watchdog.team.now
-            since = self._since = [(robot, robot.motion.world, now) for robot in self._drove]
+            now = end_stamp if in_world else team.now
+            since = [(robot, robot.motion.world, now) for robot in drove]
         still = [robot for robot, world, stamp in since or () if not robot.motion.moved_since(world, stamp)]
         if since is not None and not still:
-            outcome.recovery = monotonic() - self._ended_at
+            outcome.recovery = monotonic() - ended_at
             starts = [robot.motion.started for robot, world, _ in since if robot.motion.world == world]
-            outcome.recovery_sim = to_seconds(max(0, max(starts) - self._end_stamp)) if starts else None
+            outcome.recovery_sim = to_seconds(max(0, max(starts) - end_stamp)) if starts else None
             return True
         texts = [f"{robot.name} ({robot.reason})" if robot.reason else robot.name for robot in still]
-        outcome.last = self.fault.name if since is None else ", ".join(texts)
-        if monotonic() - self._ended_at < PATIENCE:
+        outcome.last = fault.name if since is None else ", ".join(texts)
+        if monotonic() - ended_at < PATIENCE:
             return False
         outcome.problem = f"not back: {outcome.last}"
         return True
 
-    @property
-    def _is_back(self) -> bool:
-        kind = kind_of(self.fault.name)
-        if kind is None or not kind.on_bus:
-            return True
-        there = self._watchdog.team.instances(self.fault.name)
-        return bool(there - self._before if self.fault.fault == "kill" else there)
+    while not is_over():
+        if is_stopped:
+            outcome.problem = "the run ended first"
+            return
+        is_stopped = yield is_over, math.inf
+    if not is_stopped:
+        say(describe(outcome))
 
 
 def carry_out(
@@ -234,35 +207,39 @@ def carry_out(
 
     `planned(fault)` says which faults the simulator knows already. When `stopping()`, it ends early, with all faults.
     """
-    waiting, active, outcomes, changed = deque(plan), list[_Watched](), list[Outcome](), watchdog.team.changed
+    waiting, outcomes, changed = deque(plan), list[Outcome](), watchdog.team.changed
+    active: dict[Generator[Wait, bool, None], Wait] = {}
 
     def is_due() -> bool:
-        return stopping() or (bool(waiting) and watchdog.reaches(waiting[0].at)) or any(each.is_due for each in active)
+        begins = bool(waiting) and watchdog.reaches(waiting[0].at)
+        return stopping() or begins or any(ready() or monotonic() >= end for ready, end in active.values())
+
+    def begin(fault: Fault, *, planned: bool) -> None:
+        outcomes.append(Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts))
+        go_on(_course(fault, outcomes[-1], watchdog, means, say, planned=planned), None)
+
+    def go_on(course: Generator[Wait, bool, None], is_stopped: bool | None) -> None:
+        active.pop(course, None)
+        with suppress(StopIteration):
+            active[course] = next(course) if is_stopped is None else course.send(is_stopped)
 
     try:
         while (waiting or active) and not stopping():
             with changed:
-                wait_until(changed, is_due, min([_LOOK, *(each.host_left for each in active)]))
-            for each in [each for each in active if each.is_due]:
-                if each.has_ended:
-                    active.remove(each)
-                    say(describe(each.outcome))
-                each.end(say)
+                ends = [max(0.0, end - monotonic()) for _, end in active.values()]
+                wait_until(changed, is_due, min([_LOOK, *ends]))
+            for course, (ready, end) in [*active.items()]:
+                if ready() or monotonic() >= end:
+                    go_on(course, False)
             while waiting and watchdog.reaches(waiting[0].at) and not stopping():
-                fault = waiting.popleft()
-                begun = _Watched(fault, watchdog, means, planned=planned(fault))
-                outcomes.append(begun.outcome)
-                active += [begun] if begun.begin(say) else []
+                begin(fault := waiting.popleft(), planned=planned(fault))
         # What the simulator has begun meanwhile, in a fast run.
-        late = [fault for fault in waiting if planned(fault) and watchdog.reaches(fault.at)]
-        missed = [_Watched(fault, watchdog, means, planned=True) for fault in late]
-        active += missed
-        outcomes += [each.outcome for each in missed]
+        for fault in waiting:
+            if planned(fault) and watchdog.reaches(fault.at):
+                begin(fault, planned=True)
     finally:
-        for each in active:
-            each.end(say)
-            if not each.has_recovered:
-                each.outcome.problem = "the run ended first"
+        for course in [*active]:
+            go_on(course, True)
     return ChaosReport(outcomes, list(watchdog.violations))
 
 

@@ -5,20 +5,17 @@ No byte is lost or changed, as on a bad wire under TCP. One thread moves the byt
 """
 
 import asyncio
-import logging
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.options import host_port
 from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
-from zteam.team.chaos.means import LinkReply, LinkRequest, Wire
-
-log = logging.getLogger("zteam")
+from zteam.team.chaos.means import GOOD, LinkReply, LinkRequest, Wire
 
 _CHUNK = 1 << 16
 """Bytes that are read at once."""
@@ -28,8 +25,6 @@ _MOST_HELD = 1 << 22
 """Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
-_REST = 1.0
-"""Host seconds without new connections after one could not be accepted."""
 
 
 class Link:
@@ -39,118 +34,93 @@ class Link:
         """A free port of the loopback interface leads to `target`. Raises OSError."""
         self._loop, self.target = loop, target
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.setblocking(False)
         self.port = self._listener.getsockname()[1]
-        self.up = self.down = Wire()
+        self.up = self.down = GOOD
         """From the process to the router, and back."""
-        self.changed: asyncio.Future[None] = loop.create_future()
+        self._changed: asyncio.Future[None] = loop.create_future()
         """Done with the next change."""
-        self.connections: set[asyncio.Task[None]] = set()
         self._healing: asyncio.TimerHandle | None = None
 
-    def change(self, up: Wire | None = None, down: Wire | None = None, seconds: float = 0.0) -> None:
-        """Make the two directions so, None = a good one; with `seconds`, for so many of the host's."""
-        self.up, self.down = up or Wire(), down or Wire()
+    def change(self, up: Wire = GOOD, down: Wire = GOOD, seconds: float = 0.0) -> None:
+        """Make the two directions so; with `seconds`, for so many of the host's."""
+        self.up, self.down = up, down
         self._loop.call_soon_threadsafe(self._notify, seconds)
 
     def _notify(self, seconds: float) -> None:
         if self._healing is not None:
             self._healing.cancel()
         self._healing = self._loop.call_later(seconds, self.change) if seconds else None
-        self.changed.set_result(None)
-        self.changed = self._loop.create_future()
+        self._changed.set_result(None)
+        self._changed = self._loop.create_future()
 
     async def serve(self) -> None:
-        """Accept connections and pass them on. During a cut new ones wait in the system."""
-        with self._listener:
-            while True:
-                while self.up.stalled:
-                    await asyncio.wait([self.changed])
-                try:
-                    near, _ = await self._loop.sock_accept(self._listener)
-                except OSError as error:
-                    log.error("a link takes no connection until there is room: %s", error)
-                    await asyncio.wait([self.changed], timeout=_REST)
-                    continue
-                connection = self._loop.create_task(self._pass_on(near))
-                self.connections.add(connection)
-                connection.add_done_callback(self.connections.discard)
+        """Accept connections and pass them on."""
+        async with await asyncio.start_server(self._pass_on, sock=self._listener) as server:
+            await server.serve_forever()
 
-    async def _pass_on(self, near: socket.socket) -> None:
+    async def _pass_on(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
-        with near, suppress(OSError):
-            while self.up.stalled:
-                await asyncio.wait([self.changed])
-            with socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET) as far:
-                far.setblocking(False)
-                for end in (near, far):
-                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                await self._loop.sock_connect(far, self.target)
-                up = _Pump(self, near, far, lambda: self.up)
-                down = _Pump(self, far, near, lambda: self.down)
-                await asyncio.gather(up.run(), down.run())
+        with suppress(OSError), closing(near_out):
+            await self._until_uncut(lambda: self.up)
+            far, far_out = await asyncio.open_connection(*self.target)
+            with closing(far_out):
+                up, down = self._pump(near, far_out, lambda: self.up), self._pump(far, near_out, lambda: self.down)
+                await asyncio.gather(up, down)
 
+    async def _until_uncut(self, wire_now: Callable[[], Wire]) -> None:
+        while wire_now().stalled:
+            await asyncio.wait([self._changed])
 
-class _Pump:
-    """One direction of a connection: what was read of `source` and not yet written to `sink`."""
-
-    def __init__(self, link: Link, source: socket.socket, sink: socket.socket, wire: Callable[[], Wire]) -> None:
-        self._link, self._source, self._sink, self._wire = link, source, sink, wire
-        self._loop = asyncio.get_running_loop()
-        self._held = asyncio.Queue[tuple[float, bytes]]()
-        """Bytes, with the host time at which they came; none at the end."""
-        self._size = 0
-        self._room = asyncio.Event()
-        """Whether bytes were written since it was cleared."""
-
-    async def run(self) -> None:
+    async def _pump(
+        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire_now: Callable[[], Wire]
+    ) -> None:
         """Pass bytes until the source has ended or the sink takes no more: the other direction goes on to its end."""
-        reading = self._loop.create_task(self._read())
+        held = asyncio.Queue[tuple[float, bytes]]()
+        """Bytes, with the host time at which they came; none at the end."""
+        size, room = 0, asyncio.Event()
+
+        async def read() -> None:
+            nonlocal size
+            data = b"first"
+            while data:
+                # A stalled wire reads nothing, so that the sender's system holds the bytes.
+                await self._until_uncut(wire_now)
+                while size >= most_held(wire_now()):
+                    room.clear()
+                    await room.wait()
+                try:
+                    data = await source.read(_CHUNK)
+                except OSError:
+                    data = b""
+                size += len(data)
+                held.put_nowait((monotonic(), data))
+
+        reading = self._loop.create_task(read())
+        free_at = 0.0  # Host time from which the rate allows the next byte.
         try:
             with suppress(OSError):
-                await self._write()
+                while True:
+                    came, data = await held.get()
+                    rest = memoryview(data)
+                    while rest or not data:
+                        wire, now = wire_now(), monotonic()
+                        wait = max(came + wire.delay - now, free_at - now if wire.rate else 0.0)
+                        if wire.stalled or wait > 0.0:
+                            await asyncio.wait([self._changed], timeout=None if wire.stalled else wait)
+                            continue
+                        if not data:
+                            sink.write_eof()
+                            return
+                        part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
+                        sink.write(part)
+                        await sink.drain()
+                        rest = rest[len(part) :]
+                        if wire.rate is not None:
+                            free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
+                    size -= len(data)
+                    room.set()
         finally:
             reading.cancel()
-
-    async def _read(self) -> None:
-        data = b"first"
-        while data:
-            # A stalled wire reads nothing, so that the sender's system holds the bytes.
-            while self._wire().stalled:
-                await asyncio.wait([self._link.changed])
-            while self._size >= most_held(self._wire()):
-                self._room.clear()
-                await self._room.wait()
-            try:
-                data = await self._loop.sock_recv(self._source, _CHUNK)
-            except OSError:
-                data = b""
-            self._size += len(data)
-            self._held.put_nowait((monotonic(), data))
-
-    async def _write(self) -> None:
-        free_at = 0.0  # Host time from which the rate allows the next byte.
-        while True:
-            came, data = await self._held.get()
-            rest = memoryview(data)
-            while True:
-                wire, now = self._wire(), monotonic()
-                wait = max(came + wire.delay - now, free_at - now if wire.rate else 0.0)
-                if wire.stalled or wait > 0.0:
-                    await asyncio.wait([self._link.changed], timeout=None if wire.stalled else wait)
-                    continue
-                part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
-                if not part:
-                    break
-                await self._loop.sock_sendall(self._sink, part)
-                rest = rest[len(part) :]
-                if wire.rate is not None:
-                    free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
-            if not data:
-                self._sink.shutdown(socket.SHUT_WR)
-                return
-            self._size -= len(data)
-            self._room.set()
 
 
 def most_held(wire: Wire) -> int:

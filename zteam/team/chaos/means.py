@@ -53,11 +53,14 @@ class Wire(msgspec.Struct, frozen=True):
     """Whether no byte passes. What waits passes when this ends."""
 
 
+GOOD = Wire()
+
+
 class LinkRequest(Change):
     """`up/links`: how the link of a process is from now on, in both directions; a good one by default."""
 
     name: str
-    wire: Wire = Wire()
+    wire: Wire = GOOD
     seconds: _Seconds = 0.0
     """Host seconds after which it is a good one again by itself; 0 = never."""
 
@@ -154,7 +157,7 @@ def strike(fault: Fault, means: Means) -> Callable[[], object]:
     else:
         wire = Wire(stalled=True) if fault.fault == "cut" else Wire(fault.delay, fault.rate)
         means.change_link(name, wire, fault.seconds + _MARGIN)
-        return partial(means.change_link, name, Wire(), 0.0)
+        return partial(means.change_link, name, GOOD, 0.0)
     return lambda: None
 
 

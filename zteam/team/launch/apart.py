@@ -11,8 +11,7 @@ from typing import NoReturn
 from zteam import names
 from zteam.errors import UsageError, did_you_mean
 from zteam.team.launch.plan import TeamLaunch, plan_team
-from zteam.team.launch.process import environment_of
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job, environment_of
 
 _HEAD = """\
 # Made by: {made}

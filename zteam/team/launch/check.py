@@ -25,7 +25,7 @@ from zteam.team.file.entries import RobotEntry, behavior_of, navigation_of
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
-from zteam.team.launch.own_behaviors import Answer, Inquiry, Question, answer
+from zteam.team.launch.own_behaviors import Answer, Question, answer, asking
 from zteam.team.launch.plan import is_own, is_python
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
@@ -48,7 +48,7 @@ def check_team(
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
+    with asking([_question(entry) for entry in own.values()], file.team.folders) as answers:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
@@ -62,7 +62,7 @@ def check_team(
                 problems += _world_problems(file, load_world(world_file), name, robots)
         except (ConfigError, WorldError) as error:
             told.append(str(error))
-        for i, answered in zip(own, inquiry.answers(), strict=True):
+        for i, answered in zip(own, answers(), strict=True):
             problems += _behavior_problems(i, answered, topics)
     problems += [*_file_problems(file), *_sensor_problems(file, name, robots, topics), *_node_problems(file)]
     mistakes = [*file.mistakes, *file.locate(problems)]

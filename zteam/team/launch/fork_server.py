@@ -132,19 +132,15 @@ def _collect(pid: int) -> Reply:
         return str(error)
 
 
-def _load(module: str) -> None:
-    # The child that needs it imports it again, and says what is wrong.
-    with contextlib.suppress(Exception):
-        importlib.import_module(module)
-
-
 def main() -> None:
     """Serve, and in a child run the command that was asked for."""
     gc.disable()
     show_name("zteam-parent")
     try:
         for module in PRELOADS:
-            _load(module)
+            # The child that needs it imports it again, and says what is wrong.
+            with contextlib.suppress(Exception):
+                importlib.import_module(module)
         start = serve(socket.socket(fileno=int(sys.argv[1])))
     except MemoryError as error:
         sys.exit(f"zteam-parent: {shortage_text(error)}")

@@ -1,13 +1,14 @@
-"""Imports the user's behaviours and nodes and checks the behaviours' parameters, in a child process.
+"""Imports the user's behaviours and checks their parameters, in a child process.
 
 Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
-must survive that. `Inquiry` sends the questions; this module, run as a program, reports each answer.
+must survive that. `asking` sends the questions; this module, run as a program, reports each answer.
 """
 
 import base64
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from typing import Any
 
 import msgspec
@@ -17,35 +18,37 @@ from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.node.launcher import Report, report
 from zteam.node.shutdown import Stop, exit_hard_later
-from zteam.robot.behaviors.registry import find_behavior, look_in
-from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.own_code import find_body
+from zteam.robot.behaviors.registry import find_behavior, load_named, look_in
+from zteam.team.launch.process import Job, exit_text
+from zteam.team.launch.supervisor import Supervisor
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
 
 
+def find_body(name: str, spec: str) -> Callable[[Any], None]:
+    """The function `module:function` that is the body of the node `name`. Imports its module. Raises UsageError."""
+    what = f"node {name!r}: {spec!r}"
+    module, _, function = spec.partition(":")
+    if not (function.isidentifier() and all(part.isidentifier() for part in module.split("."))):
+        raise UsageError(f"{what} is no function: give package.module:function, such as 'crowd:main'")
+    body = load_named(f"node {name!r}", module, function)
+    if not callable(body):
+        raise UsageError(f"{what} is a {type(body).__name__}, and no function of the node")
+    return body  # type: ignore[no-any-return]
+
+
 class Question(msgspec.Struct, frozen=True):
-    """A behaviour by name, or the body of a node; the behaviour's parameters from the team file, and further words that
-    an unknown key may stand for.
-    """
+    """A behaviour by name, its parameters from the team file, and further words that an unknown key may stand for."""
 
     spec: str
     params: dict[str, Any]
     near: list[str] = []
-    node: str = ""
-    """With a name, `spec` is the body of that node."""
-
-    @property
-    def subject(self) -> str:
-        """What an error calls it."""
-        return f"node {self.node!r}: {self.spec!r}" if self.node else f"behaviour {self.spec!r}"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why it cannot be used, empty if it can; of a behaviour, the mistakes in its parameters as (path, text), and the
-    topics of the inputs that it declares."""
+    """Why it cannot be used, empty if it can; the mistakes in its parameters as (path, text), and the topics of the
+    inputs that it declares."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
@@ -53,11 +56,8 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def answer(question: Question) -> Answer:
-    """Import what is asked for in this process, and check the parameters of a behaviour."""
+    """Import a behaviour in this process, and check its parameters."""
     try:
-        if question.node:
-            find_body(question.node, question.spec)
-            return Answer()
         kind = find_behavior(question.spec)
     except UsageError as error:
         return Answer(str(error))
@@ -66,50 +66,40 @@ def answer(question: Question) -> Answer:
     return Answer(mistakes=[(list(problem.path), problem.text) for problem in found], topics=topics)
 
 
-class Inquiry:
-    """Questions that a child process answers in the background. Leaving the context ends the child."""
+@contextmanager
+def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Callable[[], list[Answer]]]:
+    """Has a child process answer questions in the background, until the end of the context. The child imports from
+    `folders` besides the installed packages and the current folder. What this gives waits for the answers: one for each
+    question."""
+    answers = list[Answer]()
 
-    def __init__(self, questions: Sequence[Question], folders: Sequence[str]) -> None:
-        """The child imports from `folders` besides the installed packages and the current folder."""
-        self._questions = questions
-        self._answers: list[Answer] = []
-        self._last_line = ""
-        self._supervisor = Supervisor(self._take_line)
-        self._process: Process | None = None
+    def take_answer(_job: Job, report: Report) -> None:
+        if report.answer is not None:
+            answers.append(msgspec.convert(report.answer, Answer))
+
+    def wait() -> list[Answer]:
+        if not questions:
+            return []
+        ended = process.join(LIMIT)
+        found = [*answers]
+        missing = len(questions) - len(found)
+        if missing:
+            last = next(filter(None, map(str.strip, reversed(process.lines))), "")
+            why = f"ended the process ({exit_text(process.exit_code)}): {last}".removesuffix(": ")
+            text = why if ended else f"is not done after {LIMIT:g} s"
+            refusal = Answer(f"behaviour {questions[len(found)].spec!r}: importing it {text}")
+            # The questions after this one were not answered.
+            found += [refusal, *[Answer()] * (missing - 1)]
+        return found
+
+    with closing(Supervisor(lambda _name, _line: None)) as supervisor:
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
-            self._process = self._supervisor.start_job("behaviours", Job(command, learn=self._take_answer))
-            self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
-
-    def __enter__(self) -> "Inquiry":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._supervisor.close()
-
-    def _take_answer(self, _job: Job, report: Report) -> None:
-        if report.answer is not None:
-            self._answers.append(msgspec.convert(report.answer, Answer))
-
-    def _take_line(self, _name: str, line: str) -> None:
-        self._last_line = line.strip() or self._last_line
-
-    def answers(self, limit: float = LIMIT) -> list[Answer]:
-        """Wait for the answers: one for each question. `limit` is in host seconds."""
-        process = self._process
-        if process is None:
-            return []
-        ended = process.join(limit)
-        answers = [*self._answers]
-        missing = len(self._questions) - len(answers)
-        if missing:
-            subject = self._questions[len(answers)].subject
-            why = f"ended the process ({exit_text(process.exit_code)}): {self._last_line}".removesuffix(": ")
-            text = why if ended else f"is not done after {limit:g} s"
-            refusal = Answer(f"{subject}: importing it {text}")
-            # The questions after this one were not answered.
-            return [*answers, refusal, *[Answer()] * (missing - 1)]
-        return answers
+            words = base64.b64encode(msgspec.msgpack.encode(questions)).decode()
+            process = supervisor.start_job("behaviours", Job(command, words=words, learn=take_answer))
+            # However it ends, the answer says so.
+            process.stopping = True
+        yield wait
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
-"""A team as jobs: which processes, told what of the team (`OPTIONS`), stopped in which order."""
+"""A team as jobs: which processes, told what of the team (`options_of`), stopped in which order."""
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,6 @@ from zteam import names
 from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.node import kinds
-from zteam.node.kinds import Kind
 from zteam.node.launcher import Report
 from zteam.node.process_options import (
     LOCKSTEP_TIMEOUT,
@@ -30,8 +30,7 @@ from zteam.node.process_options import (
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.plan import choose_plan
 from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of, static_transform
-from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job, zteam_command
 
 MEMBER = (sys.executable, "-P", "-m", "zteam.team.member")
 """The command of a process of zteam, which reads what it is from its standard input."""
@@ -77,7 +76,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     @property
     def participants(self) -> tuple[str, ...]:
         """Names of the processes that the first tick of lock-step waits for."""
-        own = [name for kind in kinds.KINDS if kind.in_lockstep for name in options_of(kind, self)]
+        told = _told_beside_simulator(self)
+        own = [name for name in told if (kind := kinds.kind_of(name)) is not None and kind.in_lockstep]
         expected = (node.name for node in self.team.nodes if node.expect)
         return tuple(dict.fromkeys((*own, *expected, *self.pace.expect)))
 
@@ -101,13 +101,21 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         return self.team_file.parent if self.team_file else Path()
 
 
-def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
-    """One simulator, unless the robots are real."""
-    team, pace = launch.team, launch.pace
+def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
+    """What the aggregator publishes of a team file in this folder."""
+    configured = tuple(static_transform(entry) for entry in team.static_transforms)
+    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
+
+
+def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
+    """What each process of a team is told, by name, in the order of starting: without the router, which the launcher
+    starts first, because that chooses the port."""
+    told, team, pace = _told_beside_simulator(launch), launch.team, launch.pace
     if launch.world is None:
-        return {}
+        # The robots are real.
+        return told
     speed = pace.speed or ("max" if pace.lockstep else "1")
-    options = SimOptions(
+    simulator = SimOptions(
         world=launch.world,
         seed=launch.seed,
         has_map=team.team.map is None,
@@ -122,87 +130,56 @@ def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
         lockstep=LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
         faults=tuple(filter(launch.is_simulated, launch.faults)),
     )
-    return {names.SIMULATOR: options}
+    return {names.SIMULATOR: simulator, **told}
 
 
-def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
-    """What the aggregator publishes of a team file in this folder."""
-    configured = tuple(static_transform(entry) for entry in team.static_transforms)
-    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
-
-
-def _robots(launch: TeamLaunch) -> dict[str, RobotOptions]:
-    """One process per robot. The module of a user's behaviour may lie beside the team file and what it includes."""
-    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
-    folders = (*dict.fromkeys([*own, *launch.team.folders]), "")
-    found = {}
-    for robot in launch.team.robots:
-        spec, params = behavior_of(robot)
-        found[names.robot_name(robot.id)] = RobotOptions(
-            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
-        )
-    return found
-
-
-def _navigation(launch: TeamLaunch) -> dict[str, NavigationOptions]:
-    """One process for all robots that are navigated: they share the map."""
-    found = {
-        robot.id: NavigatedRobot(table, launch.folder, f"robot {robot.id}, navigation", robot.base)
-        for robot in sorted(launch.team.robots, key=lambda robot: robot.id)
+def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
+    team, folder, told = launch.team, launch.folder, dict[str, ProcessOptions]()
+    if team.team.map:
+        # In the place of the simulator's own map.
+        told[names.MAP_SERVER] = MapOptions(folder / team.team.map)
+    told[names.AGGREGATOR] = aggregator_options(team, folder)
+    told[names.MONITOR] = MonitorOptions(len(team.robots), tuple(robot.id for robot in team.robots))
+    navigated = {
+        robot.id: NavigatedRobot(table, folder, f"robot {robot.id}, navigation", robot.base)
+        for robot in sorted(team.robots, key=lambda robot: robot.id)
         if (table := navigation_of(robot)) is not None
     }
-    return {names.navigation_name(min(found)): NavigationOptions(found, launch.seed)} if found else {}
-
-
-OPTIONS: dict[str, Callable[[TeamLaunch], Mapping[str, ProcessOptions]]] = {
-    names.SIMULATOR: _simulator,
-    # In the place of the simulator's own map, where the team file names one.
-    names.MAP_SERVER: lambda launch: (
-        {names.MAP_SERVER: MapOptions(launch.folder / file)} if (file := launch.team.team.map) else {}
-    ),
-    names.AGGREGATOR: lambda launch: {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)},
-    names.MONITOR: lambda launch: {
-        names.MONITOR: MonitorOptions(len(launch.team.robots), tuple(robot.id for robot in launch.team.robots))
-    },
-    kinds.NAVIGATION: _navigation,
-    kinds.ROBOT: _robots,
-    names.VIEW: lambda launch: {names.VIEW: launch.view} if launch.view else {},
-}
-"""Without the router, which the launcher starts first, because that chooses the port."""
-
-
-def options_of(kind: Kind, launch: TeamLaunch) -> Mapping[str, ProcessOptions]:
-    """The processes of this kind in a team, by name."""
-    return OPTIONS[kind.name](launch) if kind.name in OPTIONS else {}
+    if navigated:
+        # One process for all of them: they share the map.
+        told[names.navigation_name(min(navigated))] = NavigationOptions(navigated, launch.seed)
+    # The module of a user's behaviour may lie beside the team file and what it includes.
+    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
+    folders = (*dict.fromkeys([*own, *team.folders]), "")
+    for robot in team.robots:
+        spec, params = behavior_of(robot)
+        told[names.robot_name(robot.id)] = RobotOptions(
+            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
+        )
+    if launch.view is not None:
+        told[names.VIEW] = launch.view
+    return told
 
 
 class LaunchPlan(msgspec.Struct):
     """Jobs by process name, in the order of starting, without the router."""
 
-    own: dict[str, Job]
-    """The processes of zteam: they start at once, import, and read the router's endpoint."""
-    nodes: dict[str, Job] = {}
-    """The user's own processes, which start when the router listens."""
+    jobs: dict[str, Job]
     unawaited: frozenset[str] = frozenset()
     """Names of the members without which the run begins."""
     optional: frozenset[str] = frozenset()
     """Names of the members that come with zteam and that the team does not need: they may end at any time."""
 
-    @property
-    def jobs(self) -> dict[str, Job]:
-        """All of them."""
-        return {**self.own, **self.nodes}
-
 
 def stop_order(processes: Iterable[str]) -> list[list[str]]:
     """These processes in groups; each group is stopped after the one before it has ended."""
-    ranks = sorted({kind.stop_rank for kind in kinds.KINDS})
-    groups: dict[int, list[str]] = {rank: [] for rank in ranks}
-    for name in processes:
+
+    def rank(name: str) -> int:
         kind = kinds.kind_of(name)
         # A user's own process may drive a robot, so it stops with the robots.
-        groups[kind.stop_rank if kind else ranks[0]].append(name)
-    return list(groups.values())
+        return 0 if kind is None else kind.stop_rank
+
+    return [[*group] for _, group in groupby(sorted(processes, key=rank), rank)]
 
 
 def plan_team(launch: TeamLaunch) -> LaunchPlan:
@@ -211,27 +188,25 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
-    own: dict[str, Job] = {}
-    optional: set[str] = set()
-    for kind in kinds.KINDS:
-        for name, options in options_of(kind, launch).items():
-            words = to_line(name, options)
-            own[name] = Job(
-                MEMBER,
-                words=words,
-                # A view takes no part in the run, so a new one changes nothing of it.
-                restarts=restarts.get(name, launch.restarts) or kind.optional,
-                may_end=kind.optional,
-                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
-            )
-            if kind.optional:
-                optional.add(name)
+    jobs, optional = dict[str, Job](), set[str]()
+    for name, options in options_of(launch).items():
+        # A view takes no part in the run: it may end, and a new one changes nothing.
+        is_view = isinstance(options, ViewOptions)
+        jobs[name] = Job(
+            MEMBER,
+            words=to_line(name, options),
+            restarts=restarts.get(name, launch.restarts) or is_view,
+            may_end=is_view,
+            learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
+        )
+        if is_view:
+            optional.add(name)
     nodes = {
         node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes
     }
     awaited = launch.participants if launch.pace.lockstep else ()
-    return LaunchPlan(own, nodes, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
+    return LaunchPlan({**jobs, **nodes}, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
 
 
 def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:
@@ -249,7 +224,7 @@ def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Jo
     entry = msgspec.structs.replace(entry, behavior=behavior, follow=None, params={})
     alone = msgspec.structs.replace(launch, team=msgspec.structs.replace(launch.team, robots=[entry], nodes=[]))
     name = names.robot_name(robot_id)
-    return name, plan_team(alone).own[name]
+    return name, plan_team(alone).jobs[name]
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:

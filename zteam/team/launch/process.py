@@ -10,24 +10,27 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import IO, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
 from zteam.clock import monotonic
 from zteam.node.launcher import LINK, Report
 
+if TYPE_CHECKING:
+    from zteam.team.launch.warm_parent import ForkedChild
+
 log = logging.getLogger("zteam")
 
 PROC = Path("/proc")
 _KEPT_LINES = 200
 MAX_LINE = 16_384
-"""Characters of a line of a child's output. What a longer line has beyond them is read and dropped."""
+"""Characters of a line of a child's output; a longer one comes in pieces."""
 _LONGEST_REPORT = 1 << 20
 """Bytes: an answer may name every mistake of a team."""
-_CUT = "… (the line is longer)"
 _LAST_LINES = 1.0
 """Host seconds for the lines and reports that a process has left when it ends. Both end with it, unless a process that
 it started holds them open from a session of its own."""
@@ -70,27 +73,30 @@ def zteam_command(command: str, *arguments: str) -> list[str]:
     return [sys.executable, "-P", "-m", "zteam", *(() if command == "zteam" else (command,)), *arguments]
 
 
-class Child(Protocol):
-    """What `Process` needs of a child: as in `subprocess.Popen`, but `wait` also ends the rest of its group, and
-    releases the process id only then."""
+class Job(msgspec.Struct, frozen=True):
+    """What it takes to start a process, once or again."""
 
-    pid: int
-    returncode: int | None
-    stdin: IO[str] | None
-    stdout: IO[str] | None
+    command: Sequence[str]
+    environment: Mapping[str, str] = {}
+    """Added to this process's."""
+    folder: Path | None = None
+    """Where it runs; None = where this process runs."""
+    words: str = ""
+    """Its standard input, a line."""
+    restarts: bool = False
+    """Whether it is started again when it has failed."""
+    may_end: bool = False
+    """Whether it may end by itself, with exit code 0."""
+    learn: "Callable[[Job, Report], Job | None] | None" = None
+    """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
+    as one with the port that the process has found; None = the same as before."""
 
-    def poll(self) -> int | None: ...
-    def wait(self) -> int: ...
-    def send_signal(self, sig: int) -> None: ...
 
-
-StartChild = Callable[[Sequence[str], int, Mapping[str, str], Path | None], Child]
-"""`start(command, link, environment, folder)` starts a child: its own process group, pipes for its input and output,
-and its end of the link to this launcher (`zteam.node.launcher`).
-
-`environment` is added to this process's; it runs in `folder`, None = where this process runs. Raises OSError if the
-command cannot be started.
-"""
+Child: TypeAlias = "_Spawned | ForkedChild"
+"""As a `subprocess.Popen`, but `wait` also ends the rest of its group, and releases the process id only then."""
+StartChild = Callable[[Job, int], Child]
+"""`start(job, link)` starts a child: its own process group, pipes for its input and output, and its end of the link to
+this launcher (`zteam.node.launcher`). Raises OSError if the command cannot be started."""
 
 
 def environment_of(added: Mapping[str, str]) -> dict[str, str]:
@@ -144,38 +150,24 @@ def kill_group(pid: int) -> None:
         os.killpg(pid, signal.SIGKILL)
 
 
-def spawn(command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None = None) -> Child:
+def spawn(job: Job, link: int) -> Child:
     """Start a child as a program of its own."""
     child = _Spawned(
-        list(command),
+        list(job.command),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         pass_fds=(link,),
-        env={**environment_of(environment), LINK: str(link)},
-        cwd=folder,
+        env={**environment_of(job.environment), LINK: str(link)},
+        cwd=job.folder,
         # Its own group: the terminal's Ctrl+C reaches the launcher alone, which stops the team in order.
         process_group=0,
         text=True,
         errors="replace",
     )
-    if not runs_zteam(command):
+    if not runs_zteam(job.command):
         child.watch(link)
     return child
-
-
-def read_lines(output: IO[str], longest: int = MAX_LINE) -> Iterator[str]:
-    """The lines of a child's output, without their ends; each is cut after `longest` characters, and says so.
-
-    A line that has no end yet comes as soon as it has as many.
-    """
-    while part := output.readline(longest):
-        if part.endswith("\n") or len(part) < longest:
-            yield part.rstrip("\n")
-            continue
-        yield part + _CUT
-        while (rest := output.readline(longest)) and not rest.endswith("\n"):
-            pass
 
 
 class Process:
@@ -185,13 +177,10 @@ class Process:
     def __init__(
         self,
         name: str,
-        command: Sequence[str],
-        *,
+        job: Job,
         on_line: Callable[["Process", str], None],
-        on_report: Callable[["Process", Report], None] = lambda _process, _report: None,
+        on_report: Callable[["Process", Report], None],
         on_exit: Callable[["Process"], None],
-        environment: Mapping[str, str] | None = None,
-        folder: Path | None = None,
         start_child: StartChild = spawn,
     ) -> None:
         self.name = name
@@ -205,7 +194,7 @@ class Process:
         self._link, theirs = socket.socketpair()
         with theirs, contextlib.ExitStack() as failing:
             failing.callback(self._link.close)
-            self._child = start_child(command, theirs.fileno(), environment or {}, folder)
+            self._child = start_child(job, theirs.fileno())
             failing.pop_all()
         self._readers = [
             threading.Thread(target=read, name=f"{what} of {name}", daemon=True)
@@ -215,6 +204,8 @@ class Process:
             reader.start()
         self._watcher = threading.Thread(target=self._watch, name=f"watch {name}", daemon=True)
         self._watcher.start()
+        if job.words:
+            self.write_line(job.words)
 
     @property
     def pid(self) -> int:
@@ -238,7 +229,8 @@ class Process:
 
     def _read(self) -> None:
         assert self._child.stdout is not None
-        for text in read_lines(self._child.stdout):
+        for line in iter(partial(self._child.stdout.readline, MAX_LINE), ""):
+            text = line.rstrip("\n")
             self.lines.append(text)
             try:
                 self._on_line(self, text)
@@ -257,11 +249,7 @@ class Process:
                     continue
                 given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}
                 self.report = msgspec.structs.replace(self.report, **given)
-                try:
-                    self._on_report(self, news)
-                except Exception:
-                    # The end of this thread would close the link, and so stop the child.
-                    log.exception("a report of %s could not be passed on", self.name)
+                self._on_report(self, news)
 
     def _watch(self) -> None:
         """Wait until the process ends, and call `on_exit`."""
@@ -278,15 +266,13 @@ class Process:
             self._child.stdin.close()
         self._on_exit(self)
 
-    def write_line(self, text: str, *, last: bool = True) -> None:
-        """Write a line to its standard input, and close the input after the last one."""
+    def write_line(self, text: str) -> None:
+        """Write a line to its standard input, and close that."""
         assert self._child.stdin is not None
         # It may have ended already (ValueError: its input is closed too); `on_exit` reports the end.
         with contextlib.suppress(BrokenPipeError, ValueError):
             self._child.stdin.write(text + "\n")
-            self._child.stdin.flush()
-            if last:
-                self._child.stdin.close()
+            self._child.stdin.close()
 
     def signal(self, number: int) -> None:
         """Send it a signal if it still runs."""

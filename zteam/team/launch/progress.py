@@ -26,18 +26,31 @@ _MEANINGS = {names.SIMULATOR: ": the world stands at its start again"}
 
 
 class Progress:
-    """When GO was given and when the run ended, in host seconds since the launcher's start; None before."""
+    """When GO was given and when the run ended, in host seconds since the launcher's start, None before; and how long
+    processes that failed were away, which is logged when they are back.
+
+    The router is back with the launcher's link, a robot with its first status that is ready, any other process with
+    its token. A program without a name on the bus is never back.
+    """
 
     def __init__(
-        self, observer: TeamObserver, has_end: bool, on_end: Callable[[], None], since_start: Callable[[], float]
+        self, observer: TeamObserver, since_start: Callable[[], float], counts: Callable[[], dict[str, int]]
     ) -> None:
+        """`counts()` are the restarts so far, by name."""
         self.wall: float | None = None
-        self._observer, self._on_end, self._since_start = observer, on_end, since_start
+        self.away: dict[str, float] = {}
+        """The longest time that each process was away, in host seconds."""
+        self._observer, self._since_start, self._counts = observer, since_start, counts
+        self._failed: dict[str, float] = {}
+        """Host times of the failures of those that are away."""
+        self._unready: set[str] = set()
+        """Robots that are away and whose process is back."""
         self._closed = False
         observer.observe(names.TEAM_STATUS)
-        if has_end:
-            # The simulator is asked for the end, because subscribing to its clock would slow a fast run down.
-            threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
+        observer.on(LINK, lambda _, up: self._end(ROUTER) if up else None)
+        observer.on(PRESENCE, self._on_presence)
+        observer.on(names.STATUS, self._on_status)
+        observer.bus.serve(names.service_key(names.LAUNCHER, names.RESTARTS), NoRequest, lambda _: self.restarted())
 
     @property
     def go_after(self) -> float | None:
@@ -45,13 +58,17 @@ class Progress:
         go_at = self._observer.go_at
         return None if go_at is None else self._since_start() - (monotonic() - go_at)
 
-    def _watch_end(self) -> None:
+    def watch_end(self, on_end: Callable[[], None]) -> None:
+        """Ask the simulator for the end until `close`: subscribing to its clock would slow a fast run down."""
+        threading.Thread(target=self._watch_end, args=(on_end,), name="end of the run", daemon=True).start()
+
+    def _watch_end(self, on_end: Callable[[], None]) -> None:
         key, request = names.service_key(names.SIMULATOR, "finish"), WaitRequest(timeout=_FINISH_WAIT)
         while not self._closed:
             answers = self._observer.bus.find(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
             if any(answer.finished for _, answer in answers):
                 self.wall = self._since_start()
-                self._on_end()
+                on_end()
                 return
             if not answers:
                 # No simulator yet, and nothing notifies when its query is there.
@@ -70,34 +87,6 @@ class Progress:
         if holders := holders_of_first_tick(self._observer.bus):
             raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {holders}")
 
-
-def holders_of_first_tick(bus: Bus) -> str:
-    """What lock-step waits for, if it still holds its first tick; empty if it does not. Asks the simulator."""
-    status = find_status(bus)
-    return "" if status is None or not status.lockstep or status.tick > 1 else status.waiting_for
-
-
-class Recoveries:
-    """Logs when a process that failed is back, and how long that took.
-
-    The router is back with the launcher's link, a robot with its first status that is ready, any other process with
-    its token. A program without a name on the bus is never back.
-    """
-
-    def __init__(self, observer: TeamObserver, counts: Callable[[], dict[str, int]]) -> None:
-        """`counts()` are the restarts so far, by name."""
-        self._observer, self._counts = observer, counts
-        self._failed: dict[str, float] = {}
-        """Host times of the failures of those that are away."""
-        self._unready: set[str] = set()
-        """Robots that are away and whose process is back."""
-        self.seconds: dict[str, float] = {}
-        """The longest time that each was away, in host seconds."""
-        observer.on(LINK, lambda _, up: self._end(ROUTER) if up else None)
-        observer.on(PRESENCE, self._on_presence)
-        observer.on(names.STATUS, self._on_status)
-        observer.bus.serve(names.service_key(names.LAUNCHER, names.RESTARTS), NoRequest, lambda _: self.restarted())
-
     def note_failure(self, name: str) -> None:
         """The process has failed now and will be started again. One that fails before it is back is away since then."""
         self._failed.setdefault(name, monotonic())
@@ -106,7 +95,7 @@ class Recoveries:
 
     def restarted(self) -> dict[str, Restarted]:
         """What was started again, by name."""
-        return {name: Restarted(count, self.seconds.get(name)) for name, count in self._counts().items()}
+        return {name: Restarted(count, self.away.get(name)) for name, count in self._counts().items()}
 
     def _on_presence(self, name: str, alive: bool) -> None:
         if alive and name in self._failed:
@@ -120,8 +109,14 @@ class Recoveries:
     def _end(self, name: str) -> None:
         if (failed := self._failed.pop(name, None)) is not None:
             away = monotonic() - failed
-            self.seconds[name] = max(away, self.seconds.get(name, 0.0))
+            self.away[name] = max(away, self.away.get(name, 0.0))
             log.info("%s is back after %.1f s%s", name, away, _MEANINGS.get(name, ""))
+
+
+def holders_of_first_tick(bus: Bus) -> str:
+    """What lock-step waits for, if it still holds its first tick; empty if it does not. Asks the simulator."""
+    status = find_status(bus)
+    return "" if status is None or not status.lockstep or status.tick > 1 else status.waiting_for
 
 
 class Overview(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,10 +4,9 @@ that have failed. No process outlives the supervisor, however that ends."""
 import logging
 import signal
 import threading
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
-from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -16,7 +15,7 @@ from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
 from zteam.node.launcher import Report
-from zteam.team.launch.process import Process, StartChild, exit_text, spawn
+from zteam.team.launch.process import Job, Process, StartChild, exit_text, spawn
 
 log = logging.getLogger("zteam")
 
@@ -35,103 +34,6 @@ DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)
 """Host seconds before each restart in a row; after as many it is given up."""
 STEADY = 10.0
 """A process that ran for so many host seconds has recovered: its next failure is the first in a row."""
-
-
-class Again(NamedTuple):
-    """What happens after a failure."""
-
-    delay: float | None = None
-    """Host seconds until the process is started again; None = never."""
-    in_row: int = 0
-    """How many failures in a row it has had with this one; 0 for a process that is never started again."""
-
-
-def after_failure(before: int, ran_for: float) -> Again:
-    """What follows when a process fails after `ran_for` host seconds, with `before` failures in a row until then."""
-    in_row = 1 if ran_for >= STEADY else before + 1
-    return Again(DELAYS[in_row - 1] if in_row <= len(DELAYS) else None, in_row)
-
-
-class Restarts:
-    """Starts processes again, each after its delay."""
-
-    def __init__(self, start: Callable[[str], None]) -> None:
-        """`start(name)` is called on a thread of its own, never after `cancel`."""
-        self._start = start
-        self._lock = threading.Lock()
-        self._in_row: dict[str, int] = {}
-        """The failures in a row of each process that is started again."""
-        self._begun: dict[str, float] = {}
-        self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
-        self.counts: dict[str, int] = {}
-        """How often each process was started again."""
-
-    def note_start(self, name: str, restarts: bool) -> None:
-        """The process starts now; with `restarts` it is started again when it has failed."""
-        if restarts:
-            self._in_row.setdefault(name, 0)
-        self._begun[name] = monotonic()
-
-    def take_failure(self, name: str) -> Again:
-        """The process has failed: whether and when it is started again."""
-        with self._lock:
-            if name not in self._in_row:
-                return Again()
-            again = after_failure(self._in_row[name], monotonic() - self._begun[name])
-            self._in_row[name] = again.in_row
-            if again.delay is not None:
-                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
-                timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))  # noqa: TID251
-                timer.name, timer.daemon = f"restart {name}", True
-                timer.start()
-        return again
-
-    def _again(self, name: str) -> None:
-        with self._lock:
-            if self._timers.pop(name, None) is None:
-                return
-            self.counts[name] = self.counts.get(name, 0) + 1
-            # With the lock: `cancel` returns when what it cancels cannot start any more.
-            self._start(name)
-
-    def cancel(self, processes: Iterable[str]) -> None:
-        """Do not start these again."""
-        with self._lock:
-            for name in processes:
-                self._in_row.pop(name, None)
-                timer = self._timers.pop(name, None)
-                if timer is not None:
-                    timer.cancel()
-
-
-def log_failure(name: str, code: int | None, again: Again) -> None:
-    """Say that a process has failed, and whether and when it is started again."""
-    told = f"{name} ended: {exit_text(code)}"
-    if again.delay is not None:
-        log.warning("%s; it is started again in %g s (%d of %d)", told, again.delay, again.in_row, len(DELAYS))
-    elif again.in_row:
-        log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
-    else:
-        log.error("%s; it is not started again", told)
-
-
-class Job(msgspec.Struct, frozen=True):
-    """What it takes to start a process, once or again."""
-
-    command: Sequence[str]
-    environment: Mapping[str, str] = {}
-    """Added to this process's."""
-    folder: Path | None = None
-    """Where it runs; None = where this process runs."""
-    words: str = ""
-    """The first line of its standard input."""
-    restarts: bool = False
-    """Whether it is started again when it has failed."""
-    may_end: bool = False
-    """Whether it may end by itself, with exit code 0."""
-    learn: "Callable[[Job, Report], Job | None] | None" = None
-    """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
-    as one with the port that the process has found; None = the same as before."""
 
 
 class Member(Protocol):
@@ -153,33 +55,39 @@ class Member(Protocol):
     def join(self, timeout: float) -> bool: ...
 
 
+class _Place(msgspec.Struct, eq=False):
+    """How the member of one name begins, and what becomes of it."""
+
+    begin: Callable[[], Member]
+    job: Job
+    in_row: int = 0
+    """Its failures in a row."""
+    begun: float = 0.0
+    """When it was started last, in host time."""
+    timer: threading.Timer | None = None  # noqa: TID251
+    """Starts it again."""
+
+
 class Supervisor:
     """Members of a team by name. When this process ends, its children read the end of their links and stop."""
 
-    def __init__(
-        self,
-        on_line: Callable[[str, str], None],
-        on_failure: Callable[[Member, Again], None] = lambda _member, _again: None,
-        start_child: StartChild = spawn,
-    ) -> None:
-        """`on_failure(member, again)`: it has failed, and whether it is started again."""
+    def __init__(self, on_line: Callable[[str, str], None], start_child: StartChild = spawn) -> None:
         # Before there is a thread for the lines of each member.
         share_arenas()
-        self._on_line = on_line
-        self.on_failure = on_failure
-        self._start_child = start_child
+        self._on_line, self._start_child = on_line, start_child
+        self.on_failure: Callable[[Member, bool], None] = lambda _member, _again: None
+        """`on_failure(member, again)`: it has failed, and whether it is started again."""
         self.members: dict[str, Member] = {}
+        self._places: dict[str, _Place] = {}
         self.changed = threading.Condition()
         """Notified when a process writes a line or a report, and when a member is started or ends."""
         self.failures: list[Member] = []
         """Those that ended without being asked to, and are not started again."""
         self.ended: set[str] = set()
         """Names of those that have ended and are not started again."""
-        self._begin: dict[str, Callable[[], Member]] = {}
-        self._may_end: set[str] = set()
-        self._told: dict[str, str] = {}
-        self._jobs: dict[str, Job] = {}
-        self.restarts = Restarts(self._start_after_failure)
+        self.restarts: dict[str, int] = {}
+        """How often each was started again after a failure."""
+        self._restarting = threading.Lock()
         self._closing = threading.Event()
         self._sampler: threading.Thread | None = None
         """None before there is a process."""
@@ -189,110 +97,121 @@ class Supervisor:
         """The members that are processes."""
         return {name: member for name, member in list(self.members.items()) if isinstance(member, Process)}
 
-    def start(self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None) -> Process:
-        """Start a process. It replaces one of the same name, which is killed first if it still runs."""
-        return self.start_job(name, Job(command, environment or {}))
-
     def start_job(self, name: str, job: Job) -> Process:
-        """As `start`. Raises ZteamError if the command cannot be started."""
-        # A restart that waits for its time would replace the new process.
-        self.restarts.cancel([name])
-        self._jobs[name] = job
-        process = self.start_member(name, partial(self._spawn, name), restarts=job.restarts, may_end=job.may_end)
+        """Start a process. Raises ZteamError if the command cannot be started."""
+        process = self.start_member(name, partial(self._spawn, name), job)
         assert isinstance(process, Process)
         return process
 
-    def start_member(
-        self, name: str, begin: Callable[[], Member], *, restarts: bool = False, may_end: bool = False
-    ) -> Member:
-        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name."""
+    def start_member(self, name: str, begin: Callable[[], Member], job: Job) -> Member:
+        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name.
+
+        The `job` says whether it may end, and is started again.
+        """
+        # A restart that waits for its time would replace the new member.
+        self._call_restarts_off([name])
+        self._places[name] = _Place(begin, job)
+        return self.restart(name)
+
+    def restart(self, name: str) -> Member:
+        """Start a member again as before."""
         if name in self.members:
             self.members[name].stopping = True
             self.members[name].kill()
             self.members[name].join(GRACE)
-        self._begin[name] = begin
         self.ended.discard(name)
-        (self._may_end.add if may_end else self._may_end.discard)(name)
-        self.restarts.note_start(name, restarts)
-        member = begin()
+        self._places[name].begun = monotonic()
+        member = self._places[name].begin()
         with self.changed:
             self.members[name] = member
             self.changed.notify_all()
         return member
 
     def _spawn(self, name: str) -> Process:
-        job = self._jobs[name]
+        job = self._places[name].job
         try:
-            process = Process(
-                name,
-                job.command,
-                on_line=self._take_line,
-                on_report=self._take_report,
-                on_exit=self.take_end,
-                environment=job.environment,
-                folder=job.folder,
-                start_child=self._start_child,
-            )
+            process = Process(name, job, self._take_line, self._take_report, self.take_end, self._start_child)
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error
             raise ZteamError(f"{name}: cannot start {job.command[0]}: {reason}") from None
         if self._sampler is None:
             self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
             self._sampler.start()
-        if job.words:
-            process.write_line(job.words, last=False)
-        if name in self._told:
-            process.write_line(self._told[name])
         return process
-
-    def restart(self, name: str) -> Member:
-        """Start a member again as before, with the line that it was told."""
-        return self.start_member(name, self._begin[name], may_end=name in self._may_end)
-
-    def tell(self, name: str, text: str) -> None:
-        """Write a line to the standard input of a process, and of those that replace it, then close the input."""
-        self._told[name] = text
-        self.processes[name].write_line(text)
-
-    def _start_after_failure(self, name: str) -> None:
-        try:
-            self.restart(name)
-        except ZteamError as error:
-            log.error("%s; it is not started again", error)
-            with self.changed:
-                self.failures.append(self.members[name])
-                self.ended.add(name)
-                self.changed.notify_all()
 
     def _take_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)
-        self._notify()
+        self.wake()
 
     def _take_report(self, process: Process, report: Report) -> None:
-        job = self._jobs[process.name]
-        if job.learn is not None and (learned := job.learn(job, report)) is not None:
-            self._jobs[process.name] = learned
-            self.restarts.note_start(process.name, learned.restarts)
-        self._notify()
+        place = self._places[process.name]
+        if place.job.learn is not None and (learned := place.job.learn(place.job, report)) is not None:
+            place.job = learned
+        self.wake()
 
-    def _notify(self) -> None:
+    def wake(self) -> None:
+        """Have what waits look again."""
         with self.changed:
             self.changed.notify_all()
 
     def take_end(self, member: Member) -> None:
         """A member has ended."""
         name, code = member.name, member.exit_code
-        failed = not member.stopping and not (code == 0 and name in self._may_end)
-        again = self.restarts.take_failure(name) if failed and code not in _FINAL else Again()
+        place = self._places[name]
+        failed = not member.stopping and not (code == 0 and place.job.may_end)
+        again = failed and self._restart_later(member, place)
         if failed:
             # First: what waits for the end finds the reason there.
             self.on_failure(member, again)
         with self.changed:
-            if again.delay is None:
+            if not again:
                 self.ended.add(name)
                 if failed:
                     self.failures.append(member)
             self.changed.notify_all()
+
+    def _restart_later(self, member: Member, place: _Place) -> bool:
+        """A member has failed: whether it is started again."""
+        told = f"{member.name} ended: {exit_text(member.exit_code)}"
+        with self._restarting:
+            if member.exit_code in _FINAL or not place.job.restarts:
+                log.error("%s; it is not started again", told)
+                return False
+            place.in_row = 1 if monotonic() - place.begun >= STEADY else place.in_row + 1
+            if place.in_row > len(DELAYS):
+                log.error("%s; it is not started again: it has failed %d times in a row", told, place.in_row)
+                return False
+            delay = DELAYS[place.in_row - 1]
+            log.warning("%s; it is started again in %g s (%d of %d)", told, delay, place.in_row, len(DELAYS))
+            # Host time: a restart is due at host time, while the launcher waits for the end of the run.
+            place.timer = threading.Timer(delay, self._restart_now, (member.name, place))  # noqa: TID251
+            place.timer.name, place.timer.daemon = f"restart {member.name}", True
+            place.timer.start()
+        return True
+
+    def _restart_now(self, name: str, place: _Place) -> None:
+        # All of it under the lock: what is called off cannot start any more.
+        with self._restarting:
+            if place.timer is None:
+                return
+            place.timer = None
+            self.restarts[name] = self.restarts.get(name, 0) + 1
+            try:
+                self.restart(name)
+            except ZteamError as error:
+                log.error("%s; it is not started again", error)
+                with self.changed:
+                    self.failures.append(self.members[name])
+                    self.ended.add(name)
+                    self.changed.notify_all()
+
+    def _call_restarts_off(self, names: Iterable[str]) -> None:
+        with self._restarting:
+            for place in filter(None, map(self._places.get, names)):
+                place.job = msgspec.structs.replace(place.job, restarts=False)
+                if place.timer is not None:
+                    place.timer.cancel()
+                    place.timer = None
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, checked when `changed` is notified, for at most `timeout` s."""
@@ -301,7 +220,7 @@ class Supervisor:
 
     def stop(self, names: Sequence[str], hurry: Callable[[], bool] = lambda: False) -> None:
         """Ask these members to stop, all at once; kill the rest after GRACE, or as soon as `hurry()`."""
-        self.restarts.cancel(names)
+        self._call_restarts_off(names)
         chosen = [self.members[name] for name in names if name in self.members]
         for member in chosen:
             member.terminate()
@@ -315,7 +234,7 @@ class Supervisor:
 
     def close(self) -> None:
         """Kill every process that still runs."""
-        self.restarts.cancel([*self.members])
+        self._call_restarts_off([*self.members])
         for member in self.members.values():
             member.stopping = True
             if member.running:

@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
@@ -22,7 +22,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR
 from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
-from zteam.team.launch.process import Child, environment_of, runs_zteam, spawn
+from zteam.team.launch.process import Child, Job, environment_of, runs_zteam, spawn
 
 log = logging.getLogger("zteam")
 
@@ -76,21 +76,29 @@ class _Server:
         """Whether it can be asked."""
         return self._end.fileno() >= 0 and self.process.poll() is None
 
-    def fork(self, start: StartChild, descriptors: Sequence[int], folder: Path | None) -> "ForkedChild":
-        """A child with this standard input, output, error and link, in a folder. Raises OSError."""
-        place = os.open(folder or ".", os.O_PATH)
-        try:
-            pid = self._ask(start, [*descriptors, place])
-        finally:
-            os.close(place)
-        try:
-            child = ForkedChild(pid, os.pidfd_open(pid), self)
-        except OSError:
-            # There is none left to watch it with. It must not run beside the one that is spawned in its place.
-            os.kill(pid, signal.SIGKILL)
-            raise
+    def fork(self, job: Job, link: int) -> "ForkedChild":
+        """A child. Raises OSError."""
+        given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(job.environment).items()}
+        start = StartChild(job.command[3], list(job.command[4:]), given)
+        with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
+            stdin, writer = os.pipe()
+            theirs.callback(os.close, stdin)
+            ours.callback(os.close, writer)
+            reader, stdout = os.pipe()
+            theirs.callback(os.close, stdout)
+            ours.callback(os.close, reader)
+            place = os.open(job.folder or ".", os.O_PATH)
+            theirs.callback(os.close, place)
+            pid = self._ask(start, [stdin, stdout, stdout, link, place])
+            try:
+                descriptor = os.pidfd_open(pid)
+            except OSError:
+                # There is none left to watch it with. It must not run beside the one that is spawned in its place.
+                os.kill(pid, signal.SIGKILL)
+                raise
+            ours.pop_all()
         self.children.add(pid)
-        return child
+        return ForkedChild(pid, descriptor, self, writer, reader)
 
     def collect(self, pid: int) -> int:
         """The exit code of a child that has ended; its process id becomes free."""
@@ -127,13 +135,12 @@ class _Server:
 class ForkedChild:
     """A child of a warm parent: a `Child`."""
 
-    def __init__(self, pid: int, descriptor: int, server: _Server) -> None:
-        self.pid = pid
+    def __init__(self, pid: int, descriptor: int, server: _Server, writer: int, reader: int) -> None:
+        self.pid, self._descriptor, self._server = pid, descriptor, server
         self.returncode: int | None = None
-        self.stdin: IO[str] | None = None
-        self.stdout: IO[str] | None = None
-        self._descriptor = descriptor
-        self._server = server
+        # As subprocess.Popen opens them.
+        self.stdin: IO[str] | None = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")
+        self.stdout: IO[str] | None = os.fdopen(reader, errors="replace")
         self._lock = threading.Lock()
 
     def poll(self) -> int | None:
@@ -188,35 +195,14 @@ class WarmParent:
             with contextlib.suppress(OSError):
                 self._find_server()
 
-    def start(
-        self, command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None = None
-    ) -> Child:
+    def start(self, job: Job, link: int) -> Child:
         """Start a child, as StartChild says."""
-        if can_fork() and runs_zteam(command) and all(n.startswith(_OWN_VARIABLES) for n in environment):
+        if can_fork() and runs_zteam(job.command) and all(n.startswith(_OWN_VARIABLES) for n in job.environment):
             try:
-                return self._fork(command, link, environment, folder)
+                return self._find_server().fork(job, link)
             except OSError as error:
-                log.debug("%s is spawned: %s", command[3], error)
-        return spawn(command, link, environment, folder)
-
-    def _fork(
-        self, command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None
-    ) -> ForkedChild:
-        given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
-        start = StartChild(command[3], list(command[4:]), given)
-        with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
-            stdin, writer = os.pipe()
-            theirs.callback(os.close, stdin)
-            ours.callback(os.close, writer)
-            reader, stdout = os.pipe()
-            theirs.callback(os.close, stdout)
-            ours.callback(os.close, reader)
-            child = self._find_server().fork(start, [stdin, stdout, stdout, link], folder)
-            ours.pop_all()
-        # As subprocess.Popen opens them.
-        child.stdin = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")
-        child.stdout = os.fdopen(reader, errors="replace")
-        return child
+                log.debug("%s is spawned: %s", job.command[3], error)
+        return spawn(job, link)
 
     def close(self) -> None:
         """End the process. Its children go on, but their exit codes are lost."""

@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, FROM_STDIN, TLS_VARIABLES, RouterOptions
+from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions
 from zteam.bus.presence import Claim, ProcessInfo, find_processes
 from zteam.clock import HOST_FACTOR, local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
@@ -20,8 +20,8 @@ from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
 from zteam.team.chaos.means import Wire, no_link
 from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch
-from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process, exit_text
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 
@@ -50,12 +50,12 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
         )
 
 
-def node_environment(endpoint: str, bus: BusOptions) -> dict[str, str]:
-    """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
-    this process's environment."""
+def node_environment(bus: BusOptions) -> dict[str, str]:
+    """What gives a process these options. All is given, even if empty: what is left out would come from this process's
+    environment."""
     return {
         **(dict.fromkeys(TLS_VARIABLES, "") if bus.tls is None else bus.tls.environment),
-        "ZTEAM_CONNECT": endpoint,
+        "ZTEAM_CONNECT": bus.connect or bus.endpoint,
         "ZTEAM_NAMESPACE": bus.namespace or "",
         "ZTEAM_CONFIG": bus.config or "",
         "ZTEAM_LEASE": str(bus.lease),
@@ -130,6 +130,7 @@ class Processes:
         self._options, self._warm, self._name, self._listen, self._added = options, warm, name, listen, environment
         self._stop = stop or Stop()
         self._rights: Mapping[str, Rights] = {}
+        self._plan, self._restarts = LaunchPlan({}), False
 
     @property
     def pids(self) -> dict[str, int]:
@@ -142,7 +143,7 @@ class Processes:
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Prepare to start this team: issue its certificates. Raises ZteamError."""
-        self._launch, self._plan = launch, plan
+        self._launch, self._plan, self._restarts = launch, plan, launch.restarts and self._name == names.LAUNCHER
         self.lease = lease_for(launch.pace, self._options.lease)
         if self.certificates is not None:
             own = {} if self._name == names.LAUNCHER else {self._name: Rights(links=True)}
@@ -150,41 +151,28 @@ class Processes:
             self._issue([self._name, OPERATOR, *plan.jobs, *([] if self.endpoint else [ROUTER])])
 
     def open(self) -> None:
-        """Have a router and a session."""
-        if not self.endpoint:
-            self._wait_for_router(self._start_router(restarts=False))
-        self._connect()
+        """Have a router and a session. Raises BusError if the team runs at a given router already."""
+        is_given = bool(self.endpoint)
+        if not is_given:
+            # Its endpoint is what all others connect to.
+            self._wait_for_router(self._start_router())
+        options = self._options_of(self._name)
+        self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
+        if self.links is not None:
+            self.links.serve(self.bus)
+        if is_given:
+            refuse_second_team(self.bus, self._plan.jobs)
 
-    def start(self, connected: Callable[[], None]) -> None:
-        """Start all members at once, so that they import while the router starts; `connected()` is called when there is
-        a session."""
-        launch, plan = self._launch, self._plan
-        if self.endpoint:
-            if self.bus is None:
-                self._connect()
-                assert self.bus is not None
-                refuse_second_team(self.bus, plan.jobs)
-                connected()
-            self._start_jobs(plan.own)
-        else:
-            router = self._start_router(restarts=launch.restarts)
-            self._start_jobs(plan.own)
-            self._wait_for_router(router)
-            for name in plan.own:
-                self.supervisor.tell(name, self._endpoint_for(name))
-            self._connect()
-            connected()
-        self._start_jobs(plan.nodes)
-
-    def _start_jobs(self, jobs: Mapping[str, Job]) -> None:
-        for name, job in jobs.items():
+    def start(self) -> None:
+        """Start all members."""
+        for name, job in self._plan.jobs.items():
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 
-    def _start_router(self, *, restarts: bool) -> Process:
+    def _start_router(self) -> Process:
         """Start a router that reports its endpoint when it listens. A router on demand gives up the default endpoint.
 
-        With certificates it listens over TLS, and lets in those that are valid. With `restarts` it is started again at
-        its endpoint, when it has failed after that.
+        With certificates it listens over TLS, and lets in those that are valid. If the team's processes are started
+        again, it is too, at its endpoint.
         """
         listen = self._listen or DEFAULT_ENDPOINT
         options = RouterOptions((listen,), lease=self.lease, for_team="starts" if self._listen is None else "")
@@ -199,7 +187,7 @@ class Processes:
             )
 
         def learn(job: Job, report: Report) -> Job | None:
-            if not (restarts and report.listening):
+            if not (self._restarts and report.listening):
                 return None
             again = msgspec.structs.replace(options, listen=(report.listening,), for_team="returns")
             return msgspec.structs.replace(job, words=to_line(ROUTER, again), restarts=True)
@@ -215,21 +203,20 @@ class Processes:
             log.warning("%s", warning)
 
     def _options_of(self, name: str) -> BusOptions:
-        options = msgspec.structs.replace(self._options, lease=self.lease)
-        if self.certificates is None:
-            return options
-        from zteam.team.security.certificates import files_of
+        """Those of the session of the process `name`."""
+        endpoint, tls = self.endpoint, self._options.tls
+        # A tool has no link of its own, and neither has this process.
+        if self.links is not None and name not in (OPERATOR, self._name):
+            endpoint = self.links.endpoint(name, endpoint)
+        if self.certificates is not None:
+            from zteam.team.security.certificates import files_of
 
-        return msgspec.structs.replace(options, tls=files_of(self.certificates, name))
-
-    def _endpoint_for(self, name: str) -> str:
-        # A tool has no link of its own.
-        return self.endpoint if self.links is None or name == OPERATOR else self.links.endpoint(name, self.endpoint)
+            tls = files_of(self.certificates, name)
+        return msgspec.structs.replace(self._options, connect=endpoint, lease=self.lease, tls=tls)
 
     def environment(self, name: str) -> dict[str, str]:
         """What lets the process `name` join the team."""
-        endpoint = self._endpoint_for(name) if self.endpoint else FROM_STDIN
-        return {**node_environment(endpoint, self._options_of(name)), **self._added()}
+        return {**node_environment(self._options_of(name)), **self._added()}
 
     def environment_of_new(self, name: str) -> dict[str, str]:
         """That of a process that the plan does not have. With certificates it has one only if the team file says so.
@@ -239,12 +226,6 @@ class Processes:
                 raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")
             self._issue([name])
         return self.environment(name)
-
-    def _connect(self) -> None:
-        options = msgspec.structs.replace(self._options_of(self._name), connect=self.endpoint)
-        self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
-        if self.links is not None:
-            self.links.serve(self.bus)
 
     def _wait_for_router(self, router: Process) -> None:
         """Learn the endpoint of the team's own router. Raises BusError if it does not listen."""

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections import Counter
 from pathlib import Path
 from typing import TypeVar
 
@@ -75,16 +75,14 @@ def seconds_since_start() -> float:
     return uptime - ticks / os.sysconf("SC_CLK_TCK")
 
 
-def read_sim_report(bus: Bus) -> SimReport:
-    """The simulator's count. Raises BusError when the simulator does not answer."""
-    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
-
-
 def read_report(bus: Bus) -> RunReport:
-    """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
-    simulator = read_sim_report(bus)
+    """What every process counted; the launcher adds the rest. Raises BusError when the simulator does not answer."""
+    simulator = bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
     report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
-    report.dropped = read_dropped(bus)
+    dropped = Counter[str]()
+    for _, counts in _read_all(bus, "stats", dict[str, KeyCount]):
+        dropped.update({key: count.dropped for key, count in counts.items()})
+    report.dropped = dict(sorted((+dropped).items()))
     report.safety_stops = {name: reply.stops for name, reply in _read_all(bus, SAFETY, SafetyReply)}
     if simulator.lockstep:
         report.rounds = dict(_read_all(bus, "timing", RoundTiming))
@@ -95,36 +93,6 @@ def _read_all(bus: Bus, service: str, kind: type[S]) -> list[tuple[str, S]]:
     """The answers of every process that answers, with its name."""
     answers = bus.query(names.service_key("*", service), kind, timeout=_ANSWER_LIMIT)
     return [(key.partition("/")[0], answer) for key, answer in answers]
-
-
-def complete(
-    report: RunReport,
-    wall_seconds: float,
-    go_after: float | None,
-    processes: list[ProcessReport],
-    restarts: Mapping[str, int],
-    recovery_seconds: Mapping[str, float],
-    hung: Iterable[str] = (),
-) -> None:
-    """Add what the launcher measured. `wall_seconds` and `go_after` are host seconds since the command's start.
-
-    `hung` are the processes with a step that did not return, besides those that lock-step left behind.
-    """
-    report.wall_seconds = round(wall_seconds, 3)
-    report.go_after_seconds = None if go_after is None else round(go_after, 3)
-    report.processes, report.restarts = processes, dict(restarts)
-    report.recovery_seconds = {name: round(seconds, 3) for name, seconds in recovery_seconds.items()}
-    report.hung = list(dict.fromkeys((*report.hung, *hung)))
-
-
-def read_dropped(bus: Bus) -> dict[str, int]:
-    """Refused payloads by key, summed over every process that answers."""
-    dropped: dict[str, int] = {}
-    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_ANSWER_LIMIT):
-        for key, count in counts.items():
-            if count.dropped:
-                dropped[key] = dropped.get(key, 0) + count.dropped
-    return dict(sorted(dropped.items()))
 
 
 def process_row(

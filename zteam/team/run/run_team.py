@@ -20,7 +20,7 @@ from zteam.team.launch.supervisor import Member
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import Body, NodeThread, Threads, open_outside
+from zteam.team.run.threads import Body, NodeThread, Threads
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
@@ -74,20 +74,19 @@ def run_team(
         return run.finish()
 
     with (
-        nullcontext() if bus is None else open_outside(bus, pace) as outside,
         stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
         TeamRun(
-            members := Threads(nodes, outside, prefix_log=True),
+            members := Threads(nodes, bus, stop, prefix_log=True),
             launch,
             stop,
             on_end=on_end,
             since_start=lambda: monotonic() - began,
         ) as run,
     ):
-        if outside is not None:
-            log.info("router at %s", outside.endpoint)
-            warn_of_endpoint(outside.endpoint, outside.given)
         run.open()
+        if bus is not None:
+            log.info("router at %s", members.endpoint)
+            warn_of_endpoint(members.endpoint, bus.connect)
         report = members.beside_simulator(carry_out)
     for text in members.hangs.values():
         raise ZteamError(text)

@@ -26,12 +26,12 @@ from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
 from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.launch.plan import LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
+from zteam.team.launch.plan import MEMBER, LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
-from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
+from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
+from zteam.team.launch.supervisor import GRACE, Member
 from zteam.team.run.processes import claim_namespace
-from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
+from zteam.team.run.report import RunReport, process_row, read_report, seconds_since_start
 
 if TYPE_CHECKING:
     from zteam.team.run.processes import Processes
@@ -39,14 +39,11 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
-_LAST_WORDS = 1.0
-"""Host seconds to wait for the output of a process that has ended."""
-
 
 class RunState(Enum):
     """How far a run is."""
 
-    NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
+    NEW, OPEN, STOPPING, ENDED = range(4)
 
 
 class TeamRun:
@@ -79,7 +76,6 @@ class TeamRun:
         self._progress: Progress | None = None
         """None before there is a bus, and in a test."""
         self._observer: TeamObserver
-        self._recoveries: Recoveries | None = None
         self.state = RunState.NEW
         self._end_faults: Callable[[], ChaosReport] | None = None
         self._start_lock = threading.Lock()
@@ -89,7 +85,7 @@ class TeamRun:
         """Of what it holds on the bus, and then of the members."""
         self._ends.callback(members.close)
         self.supervisor.on_failure = self._on_failure
-        self._stop.on_request(self._wake)
+        self._stop.on_request(self.supervisor.wake)
         if launch is not None:
             self.plan_for(launch)
 
@@ -109,15 +105,28 @@ class TeamRun:
         self.state = RunState.ENDED
 
     def open(self) -> None:
-        """Have a router and a session, before there are members."""
+        """Have a router and a session, before there are members. Raises BusError if another team is there."""
         self.members.open()
-        self._connected()
+        bus, tools = self.members.bus, self.members.tools_bus
+        assert bus is not None
         self.state = RunState.OPEN
+        if self._is_launcher:
+            self._observer = TeamObserver(bus)
+            self._progress = Progress(self._observer, self._since_start, lambda: dict(self.supervisor.restarts))
+            self._ends.callback(self._progress.close)
+            if self.launch.has_end:
+                self._progress.watch_end(self.supervisor.wake)
+            if tools is not None:
+                self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
+                self._ends.callback(claim_namespace(bus, self._stop).release)
+        if tools is not None:
+            self.signals.serve(tools)
 
     def start(self) -> None:
         """Start the members."""
-        self.state = RunState.STARTING
-        self.members.start(self._connected)
+        if self.state is RunState.NEW:
+            self.open()
+        self.members.start()
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
             key = names.service_key(names.LAUNCHER, names.START)
@@ -129,9 +138,8 @@ class TeamRun:
             means = Means(self.signals.send, self.members.change_link)
             self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
             self._ends.callback(self._end_faults)
-        self.state = RunState.RUNNING
         if self._stop.requested:
-            self._wake()
+            self.supervisor.wake()
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
         """Start a robot's process, which the team does not need, as the team's own were started; its name."""
@@ -150,36 +158,16 @@ class TeamRun:
             self.supervisor.start_job(name, job)
         return name
 
-    def _connected(self) -> None:
-        """There is a session now. Raises BusError if another team is there."""
-        bus, tools = self.members.bus, self.members.tools_bus
-        assert bus is not None
-        if self._is_launcher:
-            self._observer = TeamObserver(bus)
-            self._progress = Progress(self._observer, self.launch.has_end, self._wake, self._since_start)
-            self._ends.callback(self._progress.close)
-            self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts.counts))
-            if tools is not None:
-                self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
-                self._ends.callback(claim_namespace(bus, self._stop).release)
-        if tools is not None:
-            self.signals.serve(tools)
-
-    def _wake(self) -> None:
-        with self.supervisor.changed:
-            self.supervisor.changed.notify_all()
-
     def hurry(self) -> None:
         """Kill what does not stop at once: the user asked a second time."""
         self._hurry = True
-        self._wake()
+        self.supervisor.wake()
 
-    def _on_failure(self, member: Member, again: Again) -> None:
-        log_failure(member.name, member.exit_code, again)
-        if again.delay is None:
+    def _on_failure(self, member: Member, again: bool) -> None:
+        if not again:
             self._on_end(member)
-        elif self._recoveries is not None:
-            self._recoveries.note_failure(member.name)
+        elif self._progress is not None:
+            self._progress.note_failure(member.name)
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
@@ -205,7 +193,8 @@ class TeamRun:
             progress.check_begun(go_timeout)
         holders = list[str]()
         while not (supervisor.wait(is_over, 1.0) or holders):
-            gone = [name for name in self._missing(False) if name in self.plan.nodes]
+            jobs = self.plan.jobs
+            gone = [name for name in self._missing(False) if name in jobs and jobs[name].command != MEMBER]
             holders = gone if gone and holders_of_first_tick(self._observer.bus) else []
         if missing or holders:
             told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)
@@ -224,7 +213,8 @@ class TeamRun:
     def _last_words(self, name: str) -> str:
         """Why a member ended: its exit code and the last line of its output."""
         member = self.supervisor.members[name]
-        member.join(_LAST_WORDS)
+        # Its last lines may be on their way.
+        member.join(1.0)
         said = [line for line in member.lines if line.strip()]
         return exit_text(member.exit_code) + (f": {said[-1].strip()}" if said else "")
 
@@ -244,11 +234,14 @@ class TeamRun:
         self._stop_all()
         if report is None or self._progress is None:
             return None
-        restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
+        restarts, children = dict(self.supervisor.restarts), self.supervisor.processes.values()
         rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
-        wall = self._progress.wall or self._since_start()
-        away = self._recoveries.seconds if self._recoveries is not None else {}
-        complete(report, wall, self._progress.go_after, [*rows, *own], restarts, away, sorted(self._hung))
+        report.processes, report.restarts, go_after = [*rows, *own], restarts, self._progress.go_after
+        report.wall_seconds = round(self._progress.wall or self._since_start(), 3)
+        report.go_after_seconds = None if go_after is None else round(go_after, 3)
+        report.recovery_seconds = {name: round(seconds, 3) for name, seconds in self._progress.away.items()}
+        # Besides those that lock-step left behind.
+        report.hung = list(dict.fromkeys((*report.hung, *sorted(self._hung))))
         report.chaos = self.chaos
         return report
 

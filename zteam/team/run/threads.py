@@ -1,18 +1,19 @@
-"""Members of a run that are threads of this process, on a bus in memory. Nodes of the team file are processes.
+"""Members of a run that are threads of this process, on a bus in memory, and the end of their calls that do not return.
+Nodes of the team file are processes.
 
 The launcher's part runs in a thread beside the simulator's.
 """
 
+import ctypes
 import logging
 import os
 import threading
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import partial
 from threading import Thread
-from typing import NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -21,19 +22,18 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
 from zteam.bus.router import open_team_router
 from zteam.errors import UsageError, ZteamError
-from zteam.node.faults import user_fault
-from zteam.node.kinds import KINDS
+from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
 from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
-from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.node.process_options import MonitorOptions, RobotOptions, ViewOptions
 from zteam.node.shutdown import Stop
-from zteam.node.working import working_for
+from zteam.node.working import WORK, hanging, working_for
 from zteam.robot.process.inputs import TransformInputs
 from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
-from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan, Pace, TeamLaunch, options_of
+from zteam.team.launch.process import Job
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
@@ -43,33 +43,32 @@ log = logging.getLogger("zteam")
 Body = Callable[[Node], None]
 """The body of a user's own node, as for `zteam.run`."""
 R = TypeVar("R")
+_PERIOD = 0.5
+"""Host seconds between two looks at the threads."""
+
+Call = tuple[int, str]
+"""The number of a call that is under way, and its node."""
 
 
-def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[str], None]) -> Part:
-    if isinstance(options, MonitorOptions):
-        return monitor_part(options, say)
-    if isinstance(options, RobotOptions):
-        # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
-        import zteam.robot.process.node  # noqa: F401
-
-        robot = options
-        # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
-        return Part(lambda node: robot_part(robot, transforms).body(node), Node)
-    return part_of(options)
-
-
-def parts_of(
-    launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body] | None = None
-) -> dict[str, Part]:
+def parts_of(launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body]) -> dict[str, Part]:
     """What the nodes of a simulated team and a user's own do, by name; `say(name, line)` prints a line of a node."""
-    transforms = TransformInputs()
-    parts = {
-        name: _part(options, transforms, partial(say, name))
-        for kind in KINDS
-        if not kind.optional
-        for name, options in options_of(kind, launch).items()
-    }
-    for name, body in (nodes or {}).items():
+    # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
+    import zteam.robot.process.node  # noqa: F401
+
+    transforms, parts = TransformInputs(), dict[str, Part]()
+
+    def run_robot(options: RobotOptions, node: Any) -> None:
+        # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
+        robot_part(options, transforms).body(node)
+
+    for name, options in options_of(launch).items():
+        if isinstance(options, RobotOptions):
+            parts[name] = Part(partial(run_robot, options), Node)
+        elif isinstance(options, MonitorOptions):
+            parts[name] = monitor_part(options, partial(say, name))
+        elif not isinstance(options, ViewOptions):
+            parts[name] = part_of(options)
+    for name, body in nodes.items():
         if name in parts:
             raise UsageError(f"node {name!r}: the team has a process of this name already")
         parts[name] = Part(stepping(body), Node)
@@ -90,25 +89,96 @@ def in_thread(call: Callable[[], R], name: str = "team") -> "Future[R]":
     return done
 
 
+class _Ended(SystemExit):
+    """Raised in a call that does not return. An `except Exception` in its loop does not catch it."""
+
+    code = 1
+
+
+def end_call(thread: int) -> None:
+    """End what a thread runs, such as an endless loop of a user's code, and the node that runs there.
+
+    This is a hack. Python offers no way to end a thread; CPython's C API can only have the thread raise an exception
+    at its next bytecode, wherever that is. So it can leave data half changed, and code that catches SystemExit goes
+    on. A thread that waits outside of Python, as in `time.sleep`, raises when the wait is over. It is used only on a
+    node that hangs: without it, one such loop takes the interpreter's lock from all that follows in the process, such
+    as the rest of a pytest session.
+    """
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(_Ended))
+
+
+def end_user_calls() -> None:
+    """End every node of this process that is in a user's code now."""
+    for thread in unreturned_calls(dump_stacks()):
+        if WORK[thread].node:
+            end_call(thread)
+
+
+class CallWatch:
+    """Ends the calls of nodes that last longer than the time-out of lock-step, in which other nodes wait for them."""
+
+    def __init__(self) -> None:
+        self.hangs: dict[str, str] = {}
+        """The nodes whose calls lasted too long, and where they were then, in words."""
+        self._before = {*hanging()}
+        """Left behind by an earlier team of this process."""
+        self._calls_before = self._calls()
+        """As well, and of nodes of perhaps the same names."""
+
+    @property
+    def hung(self) -> set[str]:
+        """The nodes whose step does not return, or was ended."""
+        return {*self.hangs, *(watch.node for watch in hanging() if watch not in self._before)}
+
+    def _calls(self) -> dict[Call, int]:
+        """The calls that others wait for now, those of other teams too, and their threads."""
+        return {(work.call, work.node): thread for thread, work in WORK.copy().items() if work.node and work.call}
+
+    def start(self, pace: Pace, *, in_real_time: bool) -> Callable[[], None]:
+        """Have a thread look at the calls; returns a function that ends this. Out of lock-step such calls go on, unless
+        they are to end `in_real_time` too."""
+        ended = threading.Event()
+        if pace.lockstep or in_real_time:
+            Thread(target=self._watch, args=(pace.timeout, ended), name="calls", daemon=True).start()
+        return ended.set
+
+    def _watch(self, timeout: float, ended: threading.Event) -> None:
+        looks = dict[Call, int]()
+        while not ended.wait(_PERIOD):
+            calls = {call: thread for call, thread in self._calls().items() if call not in self._calls_before}
+            # Only calls that were seen before last long enough to be shown.
+            shown = unreturned_calls(dump_stacks() if looks.keys() & calls.keys() else "")
+            # Looks are counted and not seconds: a frozen process does not look, and the time in a debugger is left out.
+            looks = {
+                call: looks.get(call, 0) + 1 for call, thread in calls.items() if call not in looks or thread in shown
+            }
+            for call, count in looks.items():
+                if count * _PERIOD > timeout and calls[call] in shown:
+                    self._name(call[1], f"after {timeout:g} s {shown[calls[call]]}")
+                    if call in self._calls():
+                        end_call(calls[call])
+
+    def _name(self, node: str, text: str) -> None:
+        if node not in self.hangs:
+            self.hangs[node] = f"{node} hangs: {text}"
+            with working_for(node):
+                log.error("%s", self.hangs[node])
+
+
 class NodeThread:
     """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
 
+    lines: Collection[str] = ()
+    """What it says is in the log of this process."""
+
     def __init__(self, name: str, part: Part, sessions: NodeSessions, on_end: Callable[["NodeThread"], None]) -> None:
         """`run` follows."""
-        self.name = name
+        self.name, self._part, self._sessions, self._on_end = name, part, sessions, on_end
         self.exit_code: int | None = None
-        """As of a process; None while it runs."""
         self.error: BaseException | None = None
         """What ended it, if that was an error."""
-        self.lines: deque[str] = deque()
-        """Empty: what it says is in the log of this process."""
         self.stopping = False
-        """Whether it was asked to end."""
-        self._stop = Stop()
-        self._part = part
-        self._sessions = sessions
-        self._on_end = on_end
-        self._ended = threading.Event()
+        self._stop, self._ended = Stop(), threading.Event()
 
     @property
     def running(self) -> bool:
@@ -159,32 +229,6 @@ class NodeThread:
         return self._ended.wait(timeout)
 
 
-class Outside(NamedTuple):
-    """Where tools find a team in one process: at a router, in this process's session there."""
-
-    endpoint: str
-    given: str | None
-    """The router that the user named."""
-    environment: dict[str, str]
-    """What lets a process join the team."""
-    bus: Bus
-
-
-@contextmanager
-def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
-    """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
-    lease, endpoint = lease_for(pace, options.lease), options.connect
-    with ExitStack() as ends:
-        if endpoint is None:
-            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
-            ends.callback(router.close)
-            endpoint = router.endpoint
-        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
-        bus = connect(joined, patience=ROUTER_DEADLINE)
-        ends.callback(bus.close)
-        yield Outside(endpoint, options.connect, node_environment(endpoint, joined), bus)
-
-
 class Threads:
     """The members as threads of this process, and nodes of the team file as processes beside it.
 
@@ -195,29 +239,32 @@ class Threads:
     def __init__(
         self,
         nodes: Mapping[str, Body] | None = None,
-        outside: Outside | None = None,
+        options: BusOptions | None = None,
+        stop: Stop | None = None,
         *,
         name: str = names.LAUNCHER,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         ends_calls: bool = False,
         prefix_log: bool = False,
     ) -> None:
-        """`nodes` are the bodies of own nodes, by name; tools `outside` find the team. `name` is that of the caller.
+        """`nodes` are the bodies of own nodes, by name; with `options` tools find the team at a router, for which it
+        waits until the `stop`. `name` is that of the caller.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `ends_calls`:
         those that do not return, in real time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.supervisor = Supervisor(on_line)
-        self.endpoint = "" if outside is None else outside.endpoint
+        self.endpoint = ""
         self.bus: Bus | None = None
-        self.tools_bus = None if outside is None else outside.bus
+        self.tools_bus: Bus | None = None
+        """This process's session at the router."""
         self.pids = {name: os.getpid()}
-        self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
-        self._ends_calls, self._prefix_log = ends_calls, prefix_log
-        self._calls: CallWatch | None = None
-        """None before there is a team."""
-        self.hangs: dict[str, str] = {}
-        """Where nodes were whose calls lasted too long, in words."""
+        self._name, self._nodes, self._options, self._on_line = name, nodes or {}, options, on_line
+        self._stop, self._ends_calls, self._prefix_log = stop or Stop(), ends_calls, prefix_log
+        self._environment: dict[str, str] = {}
+        """What lets a process join the team."""
+        self._calls = CallWatch()
+        self.hangs = self._calls.hangs
         self._ends = ExitStack()
 
     change_link = staticmethod(no_link)
@@ -225,24 +272,37 @@ class Threads:
     @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return set() if self._calls is None else self._calls.hung
+        return self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
-        self._plan = plan
+        self._plan, self._pace = plan, launch.pace
         self.parts = parts_of(launch, self._on_line, self._nodes)
-        self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
-        self._ends.callback(self.sessions.close)
-        self._calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
-        self.hangs = self._calls.hangs
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
-        self._ends.callback(self._calls.start())
+        self._ends.callback(self._calls.start(launch.pace, in_real_time=self._ends_calls))
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""
-        self.bus = self.sessions.bus(self._name)
-        if self._outside is not None and self._outside.given is not None:
+        if self._options is not None:
+            self.tools_bus = self._open_outside(self._options)
+        self._sessions = NodeSessions(self.tools_bus)
+        self._ends.callback(self._sessions.close)
+        self.bus = self._sessions.bus(self._name)
+        if self._options is not None and self._options.connect is not None:
             refuse_second_team(self.bus, (*self.parts, *self._plan.jobs))
+
+    def _open_outside(self, options: BusOptions) -> Bus:
+        """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
+        lease, endpoint = lease_for(self._pace, options.lease), options.connect
+        if endpoint is None:
+            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
+            self._ends.callback(router.close)
+            endpoint = router.endpoint
+        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
+        bus = connect(joined, patience=ROUTER_DEADLINE, stopping=self._stop)
+        self._ends.callback(bus.close)
+        self.endpoint, self._environment = endpoint, node_environment(joined)
+        return bus
 
     def beside_simulator(self, work: Callable[[], R]) -> R:
         """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
@@ -250,7 +310,7 @@ class Threads:
         In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
         """
         simulator = self._make(names.SIMULATOR)
-        self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
+        self.supervisor.start_member(names.SIMULATOR, lambda: simulator, Job(()))
 
         def run() -> R:
             try:
@@ -262,15 +322,15 @@ class Threads:
         simulator.run()
         return result.result()
 
-    def start(self, _connected: Callable[[], None]) -> None:
+    def start(self) -> None:
         """Start all nodes but a simulator that runs already, and the processes of the team file."""
         for name in self.parts:
             if name not in self.supervisor.members:
                 self.start_node(name)
-        if self._outside is not None:
+        if self.tools_bus is not None:
             for name, job in self._plan.jobs.items():
                 if name not in self.parts:
-                    job = msgspec.structs.replace(job, environment=self._outside.environment)
+                    job = msgspec.structs.replace(job, environment=self._environment)
                     self.supervisor.start_job(name, job)
 
     def start_node(self, name: str) -> None:
@@ -281,16 +341,14 @@ class Threads:
             Thread(target=node.run, name=name, daemon=True).start()
             return node
 
-        job = self._plan.own.get(name)
-        self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
+        self.supervisor.start_member(name, begin, self._plan.jobs.get(name, Job(())))
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)
+        return NodeThread(name, self.parts[name], self._sessions, self.supervisor.take_end)
 
     def environment_of_new(self, _name: str) -> dict[str, str]:
         """What lets a process join from outside."""
-        assert self._outside is not None
-        return self._outside.environment
+        return self._environment
 
     def close(self) -> None:
         """End the session, and kill what still runs."""

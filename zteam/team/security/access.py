@@ -4,7 +4,7 @@ Every certificate may read. What a process writes, answers and changes is in two
 process, and `_GRANTED`, what a team file may add.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -78,7 +78,6 @@ _OWN = Rights(
 )
 """What every process does under its name; and each may stop all robots."""
 
-_BASE = "base_N"
 _PARTS = {
     kinds.ROUTER: Rights(links=True),
     # In lock-step it passes the robots' commands on.
@@ -97,7 +96,6 @@ _PARTS = {
         _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, _SAFETY, *_STOPS)
     ),
     kinds.NAVIGATION: Rights(_PLANNED, _of_robot(f"{names.NAVIGATION}/*")),
-    _BASE: Rights(_MEASURED),
 }
 """What a process does beyond that, by its kind."""
 _OTHER = Rights((f"{_NAME}/**",), (f"{_NAME}/**",))
@@ -175,22 +173,16 @@ def _part_of(name: str, navigated: Sequence[int], simulated: bool) -> Rights:
     if name == names.VIEW:
         # Further views have names of their own.
         own |= _filled(_OWN, f"{names.VIEW}_$*")
-    for kind, robot_of in _BY_ROBOT.items():
-        robot_id = robot_of(name)
-        if robot_id is not None and not (simulated and kind == _BASE):
-            ids = navigated if kind == kinds.NAVIGATION and robot_id == min(navigated, default=None) else [robot_id]
-            for each in ids if kind == kinds.NAVIGATION else ():
-                own |= _filled(_OWN, names.navigation_name(each))
-            return own | _filled(_PARTS[kind], name, map(names.robot_name, ids))
+    if (robot_id := names.robot_id_of(name)) is not None:
+        return own | _filled(_PARTS[kinds.ROBOT], name, [names.robot_name(robot_id)])
+    if (robot_id := names.navigated_robot_of(name)) is not None:
+        ids = navigated if robot_id == min(navigated, default=None) else [robot_id]
+        for each in ids:
+            own |= _filled(_OWN, names.navigation_name(each))
+        return own | _filled(_PARTS[kinds.NAVIGATION], name, map(names.robot_name, ids))
+    if not simulated and (robot_id := names.base_robot_of(name)) is not None:
+        return own | _filled(Rights(_MEASURED), name, [names.robot_name(robot_id)])
     return own | _filled(_PARTS.get(name, _OTHER), name)
-
-
-_BY_ROBOT: dict[str, Callable[[str], int | None]] = {
-    kinds.ROBOT: names.robot_id_of,
-    kinds.NAVIGATION: names.navigated_robot_of,
-    _BASE: names.base_robot_of,
-}
-"""The kinds with one process a robot: the robot's id in a name, None in the name of another kind."""
 
 
 _LATCH = "@adv/pub/**"

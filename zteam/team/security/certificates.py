@@ -61,7 +61,18 @@ class Issued(msgspec.Struct):
     @property
     def state(self) -> State:
         """Whether it is of use, by the host's clock."""
-        return "revoked" if self.revoked else state_until(self.expires)
+        left = self.expires - now()
+        if self.revoked:
+            return "revoked"
+        return "expired" if left <= timedelta() else "expires_soon" if left < SOON else "valid"
+
+    @property
+    def left(self) -> str:
+        """How long it is valid still: `364 days`, `5 h`."""
+        left = self.expires - now()
+        if left <= timedelta():
+            return "-"
+        return f"{left.days} days" if left.days >= 2 else f"{left // timedelta(hours=1)} h"
 
 
 class Index(msgspec.Struct):
@@ -120,35 +131,17 @@ def now() -> datetime:
     return datetime.fromtimestamp(wall_ns() / 1e9, UTC)
 
 
-def state_until(expires: datetime) -> State:
-    """That of a certificate which is not revoked."""
-    left = expires - now()
-    return "expired" if left <= timedelta() else "expires_soon" if left < SOON else "valid"
-
-
-def left_text(expires: datetime) -> str:
-    """How long a certificate is valid still: `364 days`, `5 h`."""
-    left = expires - now()
-    if left <= timedelta():
-        return "-"
-    return f"{left.days} days" if left.days >= 2 else f"{left // timedelta(hours=1)} h"
-
-
 def files_of(folder: Path, name: str) -> TlsFiles:
     """What the process `name` is told; absolute paths."""
     place = folder.resolve()
     return TlsFiles(str(place / CA), str(place / f"{name}.pem"), str(place / f"{name}.key"))
 
 
-def read_index(folder: Path) -> Index:
-    """What a folder holds. Raises ZteamError if no authority is there."""
-    if not (folder / CA).exists() and not (folder / INDEX).exists():
-        raise ZteamError(f"{folder}: there are no certificates: make them with 'zteam certs init{_option(folder)}'")
-    return _read_index(folder)
-
-
-def _read_index(folder: Path) -> Index:
+def read_index(folder: Path, *, make: bool = False) -> Index:
+    """What a folder holds. Raises ZteamError if no authority is there, unless it is to `make` one."""
     path = folder / INDEX
+    if not (make or path.exists() or (folder / CA).exists()):
+        raise ZteamError(f"{folder}: there are no certificates: make them with 'zteam certs init{_option(folder)}'")
     try:
         return msgspec.json.decode(_read(path), type=Index) if path.exists() else Index()
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -163,9 +156,8 @@ def _option(folder: Path) -> str:
 class Authority:
     """The folder with the authority's key, while no other process changes it. Use `open_authority`."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.index = _read_index(folder)
+    def __init__(self, folder: Path, index: Index) -> None:
+        self.folder, self.index = folder, index
 
     @property
     def has_key(self) -> bool:
@@ -176,13 +168,11 @@ class Authority:
         """Make the authority's own key and certificate; when that ends."""
         expires = now() + timedelta(days=MAX_DAYS)
         self._write_pair("ca", f"zteam {secrets.token_hex(4)}", expires)
-        self._save_index()
         return expires
 
     def take_team(self, team: str, rights: Mapping[str, Rights], namespace: str) -> None:
         """The rights of each certificate are those of this team; those of other names end."""
         self.index.team, self.index.rights, self.index.namespace = team, dict(rights), namespace
-        self._save_index()
 
     def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
         """The next certificate of each name; none of them outlives the authority. Raises ZteamError.
@@ -215,7 +205,6 @@ class Authority:
         taken = [each.serial for each in chosen if not each.revoked]
         for each in chosen:
             each.revoked = True
-        self._save_index()
         return taken
 
     def is_complete(self, name: str) -> bool:
@@ -307,8 +296,10 @@ class Authority:
     def _save_index(self) -> None:
         self._write(INDEX, _json(self.index))
 
-    def save_access(self) -> None:
-        """Let routers know: the last of all files, because a router then reads its own certificate and key too."""
+    def save(self) -> None:
+        """Save the index, and let routers know: that is the last of all files, because a router then reads its own
+        certificate and key too."""
+        self._save_index()
         index = self.index
         valid = {
             name: [f"{name}.{each.serial}" for each in found if not each.revoked]
@@ -344,17 +335,16 @@ def open_authority(folder: Path, *, make: bool = False) -> Iterator[Authority]:
         if make:
             folder.mkdir(parents=True, exist_ok=True)
             folder.chmod(0o700)
-        else:
-            read_index(folder)
+        read_index(folder, make=make)
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-            authority = Authority(folder)
+            authority = Authority(folder, read_index(folder, make=make))
             try:
                 yield authority
             finally:
                 # Also after an error, or what an earlier command was stopped in.
-                authority.save_access()
+                authority.save()
         finally:
             os.close(descriptor)
     except OSError as error:

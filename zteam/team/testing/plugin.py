@@ -13,31 +13,23 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from zteam.team.testing.shared import SharedTeam
-    from zteam.team.testing.team import TeamFixture
+    from zteam.team.testing.team import SharedTeam, TeamFixture
 
-_TEAM = pytest.StashKey["TeamFixture"]()
-"""Of the item, module or session whose fixture it is."""
-_FIXTURES: dict[str, type[pytest.Item] | type[pytest.Collector]] = {
-    "team": pytest.Item,
-    "team_module": pytest.Module,
-    "team_session": pytest.Session,
-}
-"""By name, and the kind of node that has the team."""
-
-
+_TEAMS = pytest.StashKey[dict[str, "TeamFixture"]]()
+"""Of the session: the teams by the names of their fixtures."""
 _HERE = str(Path(__file__).parent) + os.sep
 _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 
 
 def _give(request: pytest.FixtureRequest, kind: type["TeamFixture"]) -> Iterator[Any]:
+    teams = request.session.stash.setdefault(_TEAMS, {})
     fixture = kind(request.config.rootpath, live=request.config.getoption("capture") == "no")
-    request.node.stash[_TEAM] = fixture
+    teams[str(request.fixturename)] = fixture
     try:
         yield fixture
     finally:
         fixture.close()
-        del request.node.stash[_TEAM]
+        del teams[str(request.fixturename)]
 
 
 @pytest.fixture
@@ -51,7 +43,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
 @pytest.fixture(scope="module")
 def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """One team for the tests of a module: what `start` or `launch` has started is started anew for each test."""
-    from zteam.team.testing.shared import SharedTeam
+    from zteam.team.testing.team import SharedTeam
 
     yield from _give(request, SharedTeam)
 
@@ -59,15 +51,15 @@ def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
 @pytest.fixture(scope="session")
 def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """As `team_module`, for all tests of the run."""
-    from zteam.team.testing.shared import SharedTeam
+    from zteam.team.testing.team import SharedTeam
 
     yield from _give(request, SharedTeam)
 
 
 def _teams(item: pytest.Item) -> "list[TeamFixture]":
     """The teams that a test uses."""
-    used = tuple(kind for name, kind in _FIXTURES.items() if name in getattr(item, "fixturenames", ()))
-    return [node.stash[_TEAM] for node in item.listchain() if isinstance(node, used) and _TEAM in node.stash]
+    teams, used = item.session.stash.get(_TEAMS, {}), getattr(item, "fixturenames", ())
+    return [fixture for name, fixture in teams.items() if name in used]
 
 
 @pytest.hookimpl(wrapper=True)

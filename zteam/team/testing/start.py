@@ -11,10 +11,9 @@ from zteam.errors import UsageError
 from zteam.node.process_options import NodeOptions, to_line
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS
-from zteam.team.launch.own_behaviors import Inquiry, Question
+from zteam.team.launch.own_behaviors import find_body
 from zteam.team.launch.plan import MEMBER
-from zteam.team.launch.supervisor import Job
-from zteam.team.own_code import find_body
+from zteam.team.launch.process import Job
 from zteam.team.run.threads import Body
 
 
@@ -57,14 +56,10 @@ def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
 
 
 def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[str, Job]:
-    """Own nodes by name as processes. A child imports them first; their modules are looked for in `folders` too."""
+    """Own nodes by name as processes; their modules are looked for in `folders` too."""
     _check_nodes(nodes, here=False)
-    texts = {name: str(body) for name, body in nodes.items()}
-    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders) as inquiry:
-        if refused := [answered.refused for answered in inquiry.answers() if answered.refused]:
-            raise UsageError("\n".join(refused))
-    options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}
-    return {name: Job(MEMBER, words=to_line(name, options[name])) for name in texts}
+    options = {name: NodeOptions(name, str(body), (*folders, "")) for name, body in nodes.items()}
+    return {name: Job(MEMBER, words=to_line(name, each)) for name, each in options.items()}
 
 
 def _check_nodes(nodes: Mapping[str, object], *, here: bool) -> None:
@@ -72,12 +67,5 @@ def _check_nodes(nodes: Mapping[str, object], *, here: bool) -> None:
         if problem := names.name_problem(name):
             raise UsageError(f"team.start: node {name!r}: {problem}")
         if not (isinstance(body, str) or (here and callable(body))):
-            raise UsageError(f"team.start: nodes[{name!r}] is {_told(body, here)}")
-
-
-def _told(body: object, here: bool) -> str:
-    module, function = getattr(body, "__module__", None), getattr(body, "__qualname__", "")
-    if here or not callable(body):
-        return f"{body!r}: give text 'module:function'" + (", or a function of the node" if here else "")
-    text = f"{module}:{function}" if function.isidentifier() else "module:function"
-    return f"a function of this process: give a function of a module as text ({text!r}), or say in_process=True"
+            text = "give text 'module:function', or with in_process=True the function itself"
+            raise UsageError(f"team.start: nodes[{name!r}] is {body!r:.60}: {text}")

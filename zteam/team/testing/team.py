@@ -5,11 +5,14 @@ The team works in lock-step, and its world stands still except where the test le
 on the seed alone. Limits named `within` are simulated seconds, so that a slow machine makes a test slow and not wrong.
 """
 
+import copy
 import itertools
 import logging
+import math
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
@@ -18,11 +21,13 @@ from typing import Any, Self, overload
 
 from msgspec import structs
 
+from zteam import names
 from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError
 from zteam.monitor.observer import RobotView
+from zteam.node.faults import STACKS
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors.behavior import Behavior
@@ -34,19 +39,16 @@ from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import Pace, TeamLaunch, command_line, is_own
-from zteam.team.launch.process import Process, zteam_command
-from zteam.team.launch.supervisor import GRACE, Job
+from zteam.team.launch.process import Job, Process, zteam_command
+from zteam.team.launch.supervisor import GRACE
 from zteam.team.launch.warm_parent import WarmParent
-from zteam.team.own_code import search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Body, Threads
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
-from zteam.team.testing.hangs import Stacks
 from zteam.team.testing.start import node_bodies, node_jobs, robot_tables, spec_of
 from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch, close_in_time
-from zteam.team.testing.world import World
 
 log = logging.getLogger("zteam")
 
@@ -75,23 +77,20 @@ class TeamFixture:
         self._rootdir, self._live = rootdir, live
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
-        self._stacks = Stacks()
-        self._watch = Watch(self._stacks, live=live)
+        self._watch = Watch(live=live)
         self._processes = Processes(
             BusOptions(namespace=self.namespace),
             WARM_PARENT,
             self._watch.take_line,
             name=TEST,
             listen=ANY_PORT,
-            environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment},
+            environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), STACKS: self._watch.stacks.name},
         )
-        self._run = self._watch.run = TeamRun(self._processes, is_launcher=False)
-        self._world = World(self._watch)
+        self._run = self._watch.team_run = TeamRun(self._processes, is_launcher=False)
         self._chaos: TeamChaos | None = None
         self._ends = ExitStack()
         """Of what the run leaves."""
-        self._ends.callback(self._stacks.close)
-        self._has_team = False
+        self._ends.callback(self._watch.stacks.cleanup)
 
     def _opened(self) -> Watch:
         """The watch, with a router and the test's own session.
@@ -115,6 +114,11 @@ class TeamFixture:
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
         return self._watch.lines(name)
+
+    def _need_team(self, call: str) -> None:
+        """Raise UsageError before anything was opened: nothing would ever happen."""
+        if self._run.state is RunState.NEW:
+            raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
     def _need_processes(self, what: str) -> None:
         if self._watch.threads is not None:
@@ -269,8 +273,7 @@ class TeamFixture:
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
-        self._give_links(chaos, in_process)
-        self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), in_process)
+        self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), {}, in_process, chaos)
 
     def start(
         self,
@@ -312,24 +315,28 @@ class TeamFixture:
         chosen = check_team(file, find_world(world).resolve(), here=in_process)
         own: Mapping[str, Any] = node_bodies(nodes or {}) if in_process else node_jobs(nodes or {}, file.team.folders)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *own), paused=lockstep)
-        self._give_links(chaos, in_process)
-        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, own)
+        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), own, in_process, chaos)
 
-    def _launch(self, launch: TeamLaunch, in_process: bool, nodes: Mapping[str, Any] = {}) -> None:
+    def _launch(self, launch: TeamLaunch, nodes: Mapping[str, Any], in_process: bool, chaos: bool) -> None:
         """Start a team with these own nodes: functions in this process, else jobs."""
-        if self._has_team:
+        if self._run.plan.jobs:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        self._has_team, self._watch.silence_limit = True, launch.pace.timeout
+        if chaos and in_process:
+            raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
+        self._watch.silence_limit = launch.pace.timeout
         if in_process:
             self._open_in_process(nodes)
+        elif chaos and self._processes.links is None:
+            from zteam.team.chaos.links import Links
+
+            self._processes.links = self._ends.enter_context(closing(Links()))
         self._run.plan_for(launch)
         if not in_process:
             plan = self._run.plan
             for name in nodes.keys() & plan.jobs.keys():
                 raise UsageError(f"node {name!r}: the team has a process of this name already")
-            plan.own |= nodes
-        self._watch.expect_members()
+            plan.jobs |= nodes
         self._opened()
         self._run.start()
         self._watch.wait_for_members()
@@ -343,15 +350,7 @@ class TeamFixture:
         take = self._watch.take_log
         self._ends.callback(KEEPER.pass_to(lambda line: take(line.process, line.level, line.text)))
         self._processes.close()
-        self._run = self._watch.run = TeamRun(Threads(nodes, name=TEST, ends_calls=True), is_launcher=False)
-
-    def _give_links(self, chaos: bool, in_process: bool) -> None:
-        if chaos and in_process:
-            raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
-        if chaos and self._processes.links is None:
-            from zteam.team.chaos.links import Links
-
-            self._processes.links = self._ends.enter_context(closing(Links()))
+        self._run = self._watch.team_run = TeamRun(Threads(nodes, name=TEST, ends_calls=True), is_launcher=False)
 
     @property
     def chaos(self) -> TeamChaos:
@@ -360,7 +359,7 @@ class TeamFixture:
         if self._chaos is None:
             simulate = self.sim.fault if self._watch.interval else None
             means = Means(self._run.signals.send, self._run.members.change_link, simulate)
-            self._chaos = TeamChaos(self._watch, self._world, means)
+            self._chaos = TeamChaos(self._watch, means)
         return self._chaos
 
     def kill(self, name: str) -> None:
@@ -370,7 +369,7 @@ class TeamFixture:
         process.stopping = True
         process.kill()
         process.join(START_LIMIT)
-        self._world.wait_until_left(name)
+        self._watch.wait_until_left(name)
 
     @overload
     def stop(self, name: None = None, *, robots: Collection[int] | None = None) -> None: ...
@@ -390,7 +389,7 @@ class TeamFixture:
             raise UsageError("team.stop: give the name of a process to end, or robots to stop")
         self._watch.member(name).terminate()
         code = self.wait_for_exit(name)
-        self._world.wait_until_left(name)
+        self._watch.wait_until_left(name)
         return code
 
     def release(self, robots: Collection[int] | None = None) -> None:
@@ -398,7 +397,7 @@ class TeamFixture:
         _need_confirmed(self._stops("release").release(robots))
 
     def _stops(self, call: str) -> StopClient:
-        self._world.need_team(call)
+        self._need_team(call)
         return StopClient(self.bus, self._watch.seen.process_names)
 
     def pause_process(self, name: str) -> None:
@@ -418,7 +417,7 @@ class TeamFixture:
             (self.kill if self._watch.threads is None else self.stop)(name)
         self._watch.wait(lambda: not self.alive(name))
         self._run.supervisor.restart(name)
-        self._world.wait_for_return(name)
+        self._watch.wait_for_return(name)
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
@@ -431,7 +430,7 @@ class TeamFixture:
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
-        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log)
+        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log.copy())
 
     @property
     def report(self) -> SimReport:
@@ -460,15 +459,30 @@ class TeamFixture:
 
     def wait_for_go(self) -> None:
         """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""
-        self._world.wait_for_go()
+        self._need_team("wait_for_go")
+        watch = self._watch
+        if not watch.wait(lambda: watch.is_go):
+            raise TeamTimeout("no GO: " + "; ".join(watch.lines(names.MONITOR)[-3:]))
+        if watch.interval:
+            if not watch.wait(lambda: watch.sim.report().ticks > 0):
+                raise TeamTimeout(f"the first tick is held: waiting for {watch.sim.status().waiting_for}")
+            watch.take_status(watch.sim.status())
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
-        self._world.run(seconds)
+        if not 0.0 <= seconds < math.inf:
+            raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
+        self._need_team("run")
+        self._watch.run(seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
-        self._world.at(tick)
+        self._need_team("at")
+        if not self._watch.interval:
+            raise UsageError("at() needs lock-step: in real time no tick is waited for")
+        if tick < self.tick:
+            raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")
+        self._watch.step(tick - self.tick)
         return self
 
     def until(self, condition: Callable[[], bool], within: float) -> None:
@@ -477,7 +491,65 @@ class TeamFixture:
         In real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute
         of the host fails too.
         """
-        self._world.until(condition, within)
+        self._need_team("until")
+        self._watch.until(condition, within)
+
+
+class SharedTeam(TeamFixture):
+    """The `team_module` and `team_session` fixtures: each test finds the team as `start` or `launch` left it, because
+    it is started anew."""
+
+    _call: tuple[Any, ...] | None = None
+    """What has started the team, `start` or `launch`, and its arguments."""
+    _is_new = False
+    """Whether this test may still start the team."""
+
+    def start(self, *args: Any, **kwargs: Any) -> None:
+        """As `Team.start`. A later test may start the same team again, which is there already, or another one."""
+        self._begin(super().start, args, kwargs)
+
+    def launch(self, *args: Any, **kwargs: Any) -> None:
+        """As `Team.launch`, and in a later test as `start`."""
+        self._begin(super().launch, args, kwargs)
+
+    def _begin(self, begin: Callable[..., None], args: Any, kwargs: Any) -> None:
+        call = begin, *copy.deepcopy((args, kwargs))
+        if self._is_new:
+            self._is_new = False
+            if call == self._call:
+                return
+            self._end()
+        begin(*args, **kwargs)
+        self._call = call
+
+    def _end(self) -> None:
+        """End the team: as if nothing had been asked of the fixture yet."""
+        self.close()
+        self._call = None
+        TeamFixture.__init__(self, self._rootdir, live=self._live)
+
+    def put_back(self) -> None:
+        """Before a test: end the team of the test before, and start it again with the same arguments."""
+        call = self._call
+        self._end()
+        if call is not None:
+            self._call, self._is_new = call, True
+            begin, args, kwargs = call
+            begin(*args, **kwargs)
+
+
+def search_folders() -> list[str]:
+    """Where this process looks for modules besides what its Python has installed, absolute, in its order."""
+    # Only a test pays for these imports.
+    import site
+    import sysconfig
+
+    installed = {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
+    stdlib, version = Path(sysconfig.get_path("stdlib")), "".join(map(str, sys.version_info[:2]))
+    # Its compiled modules, and the archive that may stand for it.
+    installed |= {str(stdlib / "lib-dynload"), str(stdlib.parent / f"python{version}.zip")}
+    entries = [str(Path(entry).absolute()) for entry in sys.path if isinstance(entry, str) and entry not in installed]
+    return list(dict.fromkeys(entries))
 
 
 def _need_confirmed(results: Sequence[StopResult]) -> None:

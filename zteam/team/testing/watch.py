@@ -1,14 +1,18 @@
-"""A watch on the members of a team under test: none ends or hangs unnoticed though the test did not ask for that.
+"""A watch on the members of a team under test: none ends or hangs unnoticed though the test did not ask for that; and
+its simulated time, which goes on where the test lets it.
 
-Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
+Other waits count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
 """
 
 import logging
+import math
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import wait
 from contextlib import suppress
 from functools import partial
+from tempfile import TemporaryDirectory
 
 from zteam import names
 from zteam.bus import Bus
@@ -17,29 +21,33 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Log, TeamState
 from zteam.monitor.observer import RobotView, TeamObserver
-from zteam.node.faults import log_fault
-from zteam.node.kinds import ROUTER
+from zteam.node.faults import log_fault, where_it_is
+from zteam.node.kinds import ROUTER, kind_of
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
-from zteam.simulator.client import SimStatus, SimulatorClient
-from zteam.team.in_process.user_calls import end_user_calls
+from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.supervisor import Member
 from zteam.team.run.team_run import RunState, TeamRun
-from zteam.team.run.threads import Threads, in_thread
-from zteam.team.testing.hangs import LOOK, Stacks
+from zteam.team.run.threads import Threads, end_user_calls, in_thread
 
 OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
 """What a test sees of its team without asking."""
+LOOK = 1.0
+"""Host seconds between two looks at what is waited for."""
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
 START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for processes to start: many times the longest start on a crowded machine."""
 RETURN = 2.5 * HOST_FACTOR
 """Host seconds for a process to be there again whose token is gone: the test may start it again."""
+STALL_LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds during which simulated time may stand still in a wait."""
+_SLICE = 50
+"""Ticks of one request to the simulator."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
-_KEPT_LINES = 50_000
-"""Of all processes of a test, at least."""
+_KEPT_LINES = 100_000
+"""Of all processes of a test."""
 
 
 class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
@@ -55,93 +63,48 @@ class TeamTimeout(TeamFailure):
     __module__ = "zteam.testing"
 
 
-class Others:
-    """Processes that take part though the fixture has not started them, such as a node that the test starts by itself:
-    what they log, and which of them are gone."""
-
-    def __init__(
-        self,
-        bus: Bus,
-        seen: TeamObserver,
-        take_log: Callable[[str, int, str], None],
-        not_awaited: Callable[[], set[str]],
-    ) -> None:
-        """`take_log(name, level, text)`: a process has logged that. `not_awaited()` are the processes that may end, or
-        that the fixture has started itself."""
-        self._bus, self._seen, self._take_log, self._not_awaited = bus, seen, take_log, not_awaited
-        self._watched: set[str] = set()
-        self.expected: set[str] = set()
-        """Those that the test has named."""
-        self._gone_since: dict[str, float] = {}
-        self._faults: dict[str, str] = {}
-        """The critical lines of those that an error has ended."""
-
-    def watch(self, processes: Iterable[str], *, expected: bool) -> None:
-        """Watch these from here on, which may come later if they are `expected`."""
-        if expected:
-            self.expected.update(processes)
-        for name in set(processes) - self._watched - self._not_awaited():
-            self._watched.add(name)
-            self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
-
-    def _take(self, name: str, _key: str, message: Log) -> None:
-        if message.level >= logging.CRITICAL and message.function == log_fault.__name__:
-            self._faults[name] = message.msg
-        self._take_log(name, message.level, message.msg)
-
-    def fault(self, name: str) -> str:
-        """The error that ended one, as it has logged it; empty if there is none."""
-        return self._faults.get(name, "").partition("\n")[2]
-
-    def missing(self) -> list[str]:
-        """Those that must not end and were never there."""
-        return sorted(self._watched - self._seen.were_there - self._not_awaited())
-
-    def gone(self) -> dict[str, float]:
-        """Those that must not end, were there and are not, and for how many host seconds. Without the router all would
-        be gone, so none is."""
-        gone = self._watched & self._seen.were_there - self._not_awaited() if self._seen.link_up else set[str]()
-        now, gone = monotonic(), {name for name in gone if not self._seen.alive(name)}
-        self._gone_since = {name: self._gone_since.get(name, now) for name in sorted(gone)}
-        return {name: now - since for name, since in self._gone_since.items()}
-
-
 class Watch:
-    """The lines of the members, how they fail, and what the bus shows. `run` is the team that is watched."""
+    """The lines of the members, how they fail, and what the bus shows. `team_run` is the team that is watched."""
 
-    run: TeamRun
+    team_run: TeamRun
     seen: TeamObserver
 
-    def __init__(self, stacks: Stacks, *, live: bool) -> None:
-        self._stacks, self._live = stacks, live
-        self._others: Others | None = None
-        """None until there is a bus, and without processes."""
+    def __init__(self, *, live: bool) -> None:
+        """With `live` the lines of the processes are printed as they come."""
+        self._live = live
+        self.stacks = TemporaryDirectory(prefix="zteam_stacks_", ignore_cleanup_errors=True)
+        """Where processes write in which call they are (`zteam.node.faults.offer_stacks`)."""
+        self._watched: set[str] = set()
+        """Processes that take part though the fixture has not started them, such as a node that the test starts."""
+        self._expected: set[str] = set()
+        """Those of them that the test has named."""
+        self._faults: dict[str, str] = {}
+        """The errors that have ended them, as they have logged them."""
+        self._gone_since: dict[str, float] = {}
         self.interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self.silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
-        self.log: list[tuple[str, str]] = []
+        self.log = deque[tuple[str, str]](maxlen=_KEPT_LINES)
         """(process, line) in the order of arrival, for the report of a failed test: the newest."""
         self._at_end = False
         self.may_end: set[str] = set()
         """Processes that may end or hang."""
         self.hangs: dict[str, str] = {}
         """How processes hang, in words."""
-        self._present: set[str] = set()
-        """Processes of the team that were there once."""
-        self.participants: set[str] = set()
+        self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
     @property
     def threads(self) -> Threads | None:
         """The members of a team in this process; None for processes."""
-        return self.run.members if isinstance(self.run.members, Threads) else None
+        return self.team_run.members if isinstance(self.team_run.members, Threads) else None
 
     @property
     def bus(self) -> Bus:
         """The test's own session."""
-        assert self.run.members.bus is not None
-        return self.run.members.bus
+        assert self.team_run.members.bus is not None
+        return self.team_run.members.bus
 
     @property
     def view(self) -> TeamObserver:
@@ -168,13 +131,11 @@ class Watch:
     @property
     def restarts(self) -> set[str]:
         """Processes that are started again when they have failed."""
-        return {name for name, job in self.run.plan.jobs.items() if job.restarts}
+        return {name for name, job in self.team_run.plan.jobs.items() if job.restarts}
 
     def observe(self) -> None:
         """Watch the team on a session that was opened."""
         self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
-        if self.threads is None:
-            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited)
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
         """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
@@ -183,15 +144,11 @@ class Watch:
                 self.sim.repeat()
             self.wait(arrived)
 
-    def expect_members(self) -> None:
-        """From here on the members of the plan belong to the team."""
-        self.participants = {*self.run.launch.participants}
-        self.may_end.update(self.run.plan.optional)
-
     def wait_for_members(self) -> None:
         """Wait until all that belong to the team are there, and any robot's pose may be read."""
-        plan, threads = self.run.plan, self.threads
-        self.watch_others(self.run.launch.pace.expect)
+        plan, threads = self.team_run.plan, self.threads
+        self._participants = {*self.team_run.launch.participants}
+        self._watch_others(self.team_run.launch.pace.expect)
         members = [name for name in plan.jobs if name not in plan.unawaited] if threads is None else [*threads.parts]
         self.wait_for_processes(*members)
         if names.SIMULATOR in members:
@@ -201,28 +158,32 @@ class Watch:
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
-        self.hangs.update(self.run.members.hangs)
+        self.hangs.update(self.team_run.members.hangs)
         for name, text in self.hangs.items():
             if name not in self.may_end:
                 raise TeamFailure(text)
-        for process in self.run.supervisor.failures:
+        for process in self.team_run.supervisor.failures:
             if process.name not in self.may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self.words(process.name)}")
-        if self._others is not None:
-            self._check_others(self._others)
-
-    def _check_others(self, others: Others) -> None:
-        for name, seconds in others.gone().items():
+        for name, seconds in self._gone().items():
             words = self.words(name) or "it has logged nothing"
-            if others.fault(name):
+            if name in self._faults:
                 raise TeamFailure(f"{name} is gone: {words}")
             # The end of a test may have ended what the test had started.
-            if seconds > RETURN and name in others.expected and not self._at_end:
+            if seconds > RETURN and name in self._expected and not self._at_end:
                 raise TeamFailure(f"{name} is gone, without team.expect_end({name!r}): {words}")
+
+    def _gone(self) -> dict[str, float]:
+        """Others that must not end, were there and are not, and for how many host seconds. Without the router all would
+        be gone, so none is."""
+        now, others = monotonic(), self._watched - self._not_awaited()
+        gone = {n for n in others if self.seen.link_up and n in self.seen.were_there and not self.seen.alive(n)}
+        self._gone_since = {name: self._gone_since.get(name, now) for name in sorted(gone)}
+        return {name: now - since for name, since in self._gone_since.items()}
 
     def _not_awaited(self) -> set[str]:
         """Names of the processes that may end, or that this fixture has started itself."""
-        return {*self.may_end, *self.run.supervisor.members}
+        return {*self.may_end, *self.team_run.supervisor.members}
 
     def take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -230,8 +191,6 @@ class Watch:
             # Most lines name their process.
             sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
             sys.stdout.flush()
-        if len(self.log) > 2 * _KEPT_LINES:
-            del self.log[:_KEPT_LINES]
 
     def take_log(self, name: str, level: int, text: str) -> None:
         """A node of this process, or one that the test has started, has logged a text."""
@@ -240,11 +199,11 @@ class Watch:
 
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
-        return [line for process, line in self.log if process == name]
+        return [line for process, line in self.log.copy() if process == name]
 
     def member(self, name: str) -> Member:
         """A process of the team, or a node in this process. Raises UsageError."""
-        members = self.run.supervisor.members
+        members = self.team_run.supervisor.members
         if name not in members:
             raise UsageError(f"there is no process {name!r}; this team has {', '.join(members) or 'no process yet'}")
         return members[name]
@@ -259,10 +218,8 @@ class Watch:
 
     def words(self, name: str) -> str:
         """The error that ended a process, its last line first, else the last lines of the process."""
-        member = self.run.supervisor.members.get(name)
-        fault = "" if member is None else member.fault
-        if member is None and self._others is not None:
-            fault = self._others.fault(name)
+        member = self.team_run.supervisor.members.get(name)
+        fault = self._faults.get(name, "") if member is None else member.fault
         lines = fault.splitlines()
         return "\n".join([*lines[-1:], *lines] or self.lines(name)[-_LAST_LINES:])
 
@@ -293,7 +250,7 @@ class Watch:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
 
         def ended() -> list[str]:
-            known = self.run.supervisor.members
+            known = self.team_run.supervisor.members
             return [n for n in processes if n in known and not known[n].running]
 
         self.wait(lambda: bool(ended()) or all(self.seen.alive(n) for n in processes))
@@ -302,10 +259,9 @@ class Watch:
             raise TeamTimeout(f"{first} ended ({exit_text(self.member(first).exit_code)}): {self.words(first)}")
         missing = [n for n in processes if not self.seen.alive(n)]
         if missing:
-            where = "".join(f"; {name}: {text}" for name in missing if (text := self._stacks.where(name)))
+            where = "".join(f"; {name}: {text}" for name in missing if (text := where_it_is(self.stacks.name, name)))
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s{where}")
-        self._present.update(self.run.supervisor.members.keys() & {*processes})
-        self.watch_others(processes)
+        self._watch_others(processes)
         if names.SIMULATOR in processes:
             status = self.status()
             self.interval = status.interval if status.lockstep else 0
@@ -316,20 +272,32 @@ class Watch:
         They are gone in the world's time; the end of their processes takes the host's.
         """
         self._note_left_behind(status)
-        left = self.participants.difference(status.participants, status.joining)
-        self.participants = {*status.participants}
-        self.watch_others(status.participants, expected=False)
-        if (others := self._others) is not None and left - self._not_awaited():
+        left = self._participants.difference(status.participants, status.joining)
+        self._participants = {*status.participants}
+        self._watch_others(status.participants, expected=False)
+        if self._watched & left - self._not_awaited():
             # `check` fails for those that stay away.
-            self.wait(lambda: others.expected.isdisjoint(others.gone()), 2.0 * RETURN)
-        for name in left.intersection(self.run.supervisor.members) - self.may_end - self.restarts:
+            self.wait(lambda: self._expected.isdisjoint(self._gone()), 2.0 * RETURN)
+        for name in left.intersection(self.team_run.supervisor.members) - self.may_end - self.restarts:
             if not self.wait(partial(self._has_ended_or_joined, name), self.silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
         self.check()
 
-    def watch_others(self, processes: Iterable[str], *, expected: bool = True) -> None:
-        if self._others is not None:
-            self._others.watch(processes, expected=expected)
+    def _watch_others(self, processes: Iterable[str], *, expected: bool = True) -> None:
+        """Watch those that the fixture has not started, from here on; if `expected`, they may come later."""
+        if self.threads is not None:
+            return
+        if expected:
+            self._expected.update(processes)
+        for name in set(processes) - self._watched - self._not_awaited():
+            self._watched.add(name)
+            self.bus.subscribe(names.log_key(name), Log, partial(self._take_message, name))
+
+    def _take_message(self, name: str, _key: str, message: Log) -> None:
+        fault = message.msg.partition("\n")[2]
+        if fault and message.level >= logging.CRITICAL and message.function == log_fault.__name__:
+            self._faults[name] = fault
+        self.take_log(name, message.level, message.msg)
 
     def _has_ended_or_joined(self, name: str) -> bool:
         process, status = self.member(name), self.status()
@@ -346,39 +314,35 @@ class Watch:
         """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
         if name in self.hangs or name in self.may_end:
             return
-        where = self._stacks.where(name)
+        where = where_it_is(self.stacks.name, name)
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
         self.hangs[name] = f"{name} hangs: {text}"
 
     def _look_for_hangs(self) -> None:
-        """Lock-step: notice the processes that were left behind; of nodes in this process the watch on the calls does
-        so."""
-        if self.threads is not None or not self._is_in_view:
+        """Lock-step: notice the processes that were left behind, where the test sees what the team does: its router and
+        its simulator run. Of nodes in this process the watch on the calls does so."""
+        members = self.team_run.supervisor.members
+        needed = [members[name] for name in (ROUTER, names.SIMULATOR) if name in members]
+        if ROUTER not in members or not all(each.running and each.name not in self.may_end for each in needed):
             return
         if self.interval:
             with suppress(BusError):
                 self._note_left_behind(self.status(LOOK))
         self.check()
 
-    @property
-    def _is_in_view(self) -> bool:
-        """Whether what the test sees of its team is the team's doing: its simulator and its router run."""
-        router, simulator = (self.run.supervisor.members.get(name) for name in (ROUTER, names.SIMULATOR))
-        paused = self.may_end & {ROUTER, names.SIMULATOR}
-        return router is not None and router.running and (simulator is None or simulator.running) and not paused
-
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
         self.check()
-        if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
+        if self.team_run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         # In lock-step the world has not moved without them.
-        if self._others is not None and not self.interval and (missing := self._others.missing()):
+        missing = sorted(self._watched - self.seen.were_there - self._not_awaited()) if not self.interval else []
+        if missing:
             raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
-        ended = self.run.supervisor.ended
-        gone = [n for n in self._present - self.may_end if n not in ended and not self.seen.alive(n)]
+        members, ended = self.team_run.supervisor.members.keys(), self.team_run.supervisor.ended
+        gone = [n for n in members & self.seen.were_there - self.may_end if n not in ended and not self.seen.alive(n)]
         self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone))
         for name in gone:
             if name in ended:
@@ -386,6 +350,92 @@ class Watch:
             elif not self.seen.alive(name):
                 raise TeamFailure(f"{name} is gone and did not come back within {START_LIMIT:g} s: {self.words(name)}")
         self.check()
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds."""
+        return self.view.now / 1e9
+
+    def run(self, seconds: float) -> None:
+        """Let simulated time pass: in lock-step to the tick."""
+        if self.interval:
+            self.step(round(seconds * 1e9 / self.interval))
+        else:
+            end = self.now + seconds
+            self.until(lambda: self.now >= end, seconds)
+
+    def until(self, condition: Callable[[], bool], within: float) -> None:
+        """Let simulated time pass until `condition()`, `within` s at most. Raises TeamTimeout."""
+        end, came_true, last, since = self.now + within, False, self.now, monotonic()
+
+        def is_over() -> bool:
+            nonlocal came_true, last, since
+            came_true = condition()
+            if self.now != last:
+                last, since = self.now, monotonic()
+            elif monotonic() - since > STALL_LIMIT:
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
+            return came_true or self.now >= end
+
+        if self.interval:
+            while not is_over():
+                self.step(1)
+        else:
+            self.wait(is_over, math.inf)
+        if not came_true:
+            seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
+            raise TeamTimeout(f"not true within {seconds} (now {self.now:.1f} s){self.seen.describe()}")
+
+    def step(self, ticks: int) -> None:
+        """Run so many ticks, and wait until the messages of the last one are in view."""
+        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self.silence_limit)
+        for done in range(0, ticks, _SLICE):
+            self.check()
+            request = StepRequest(min(_SLICE, ticks - done))
+            # A node that hangs in this process may hold whatever the answer needs.
+            answer = in_thread(partial(self.bus.ask, key, SimStatus, request, timeout=limit))
+            while not answer.done():
+                self.check()
+                wait([answer], LOOK)
+            try:
+                status = answer.result()
+            except BusError as error:
+                # The end of a process says more.
+                self.check()
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
+            self.take_status(status)
+
+            def arrived(status: SimStatus = status) -> bool:
+                # Each look at the view looks for processes that have failed.
+                return self.view.reaches(status.now, status.robots)
+
+            if not arrived():
+                # No message was lost in tens of thousands of ticks, but the bus does not promise that.
+                self.sim.repeat()
+                if not self.wait(arrived):
+                    raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+    def wait_for_return(self, name: str) -> None:
+        """Wait until a process is there that was started again; in lock-step, until it takes part in the next tick."""
+        self.wait_for_processes(name)
+
+        def takes_part() -> bool:
+            status = self.sim.status()
+            return name in status.joining or name in status.participants
+
+        kind = kind_of(name)
+        may_take_part = kind is not None and kind.in_lockstep
+        if self.interval and may_take_part and not self.wait(takes_part):
+            raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
+
+    def wait_until_left(self, name: str) -> None:
+        """Lock-step: wait until a process that has ended takes no part any more: the next tick is without it."""
+        kind = kind_of(name)
+        may_take_part = kind is None or kind.in_lockstep
+        if not self.interval or not may_take_part or not self.view.alive(names.SIMULATOR):
+            return
+        if not self.wait(lambda: name not in self.sim.status().participants):
+            raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
 
 
 def close_in_time(close: Callable[[], None], grace: float) -> None:

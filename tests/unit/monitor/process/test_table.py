@@ -24,7 +24,7 @@ from zteam.node.launcher import Restarted
 from zteam.node.live_line import LiveLine
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.team.launch.progress import Recoveries
+from zteam.team.launch.progress import Progress
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 
 POSE = Pose2(-12.345, 8.5, -3.1)
@@ -260,7 +260,7 @@ def test_poses_come_from_the_aggregator_and_restarts_from_the_launcher(
             assert any(wait_until(node.changed, condition, 0.01) for _ in range(int(LIMIT / 0.01)))
 
     server = hub.bus().serve("tf/lookup", LookupRequest, serve)
-    Recoveries(TeamObserver(launcher), lambda: dict(counts))
+    Progress(TeamObserver(launcher), lambda: 0.0, lambda: dict(counts))
     found = Poses(node, lambda: [1, 2])
     try:
         wait_for(lambda: bool(found.newest) and found.restarts == {"robot_1": Restarted(1)})

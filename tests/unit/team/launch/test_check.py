@@ -40,15 +40,15 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def check(folder: Path, text: str) -> Path | None:
+def check(folder: Path, text: str, *, here: bool = False) -> Path | None:
     """The world of a team file of this text."""
-    return check_team(read_team_file(write(folder, text)))
+    return check_team(read_team_file(write(folder, text)), here=here)
 
 
-def mistakes_of(folder: Path, text: str) -> list[str]:
+def mistakes_of(folder: Path, text: str, *, here: bool = False) -> list[str]:
     """Line and key of each mistake in a team file of this text, in order; those of another file as it stands."""
     with pytest.raises(ConfigError) as caught:
-        check(folder, text)
+        check(folder, text, here=here)
     lines = str(caught.value).replace(f"{folder}/team.toml:", "").splitlines()
     return [" ".join(line.split(": ")[:2]) for line in lines]
 
@@ -120,15 +120,15 @@ def test_all_mistakes_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
 
 
 def test_a_right_team_passes_and_names_its_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The user's behaviour is imported from beside the team file or from the current folder; a world of the command
+    """The user's behaviours are imported from beside the team file and from the current folder; a world of the command
     line replaces the file's."""
-    good = f'{ARENA}behavior = "my_stopper:Stopper"\nrate = 2\n'
-    file = read_team_file(write(tmp_path, good))
-    assert check_team(file) == shipped_world("arena")
+    file = read_team_file(write(tmp_path, ARENA))
     assert check_team(file, shipped_world("office")) == shipped_world("office")
     elsewhere = tmp_path / "teams"
     elsewhere.mkdir()
-    (elsewhere / "team.toml").write_text(good)
+    (elsewhere / "beside.py").write_text(STOPPER)
+    robots = 'behavior = "my_stopper:Stopper"\nrate = 2\n[[robots]]\nid = 1\nbehavior = "beside:Stopper"\n'
+    (elsewhere / "team.toml").write_text(f"{ARENA}{robots}")
     monkeypatch.chdir(tmp_path)
     assert check_team(read_team_file(elsewhere / "team.toml")) == shipped_world("arena")
 
@@ -183,7 +183,7 @@ def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Pat
     try:
         with pytest.raises(ConfigError, match=r"team\.toml:7: nodes\[0\]\.command: .*leave in_process out"):
             team.launch(path, in_process=True)
-        assert team._watch.log == []
+        assert team.report_log() == ""
     finally:
         team.close()
     with pytest.raises(ConfigError, match="give run_team a bus, or use zteam up"):
@@ -247,15 +247,16 @@ FEELER = STOPPER.replace(
 ).replace("import Twist", "import Bumper, Range, Twist")
 
 
-def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path) -> None:
+def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that stands in a thing or in another robot, and one without a sensor that its behaviour needs. A node may
     bring that, unless it is the laser: without it no robot drives."""
     (tmp_path / "my.world").write_text(WORLD)
-    (tmp_path / "feeler.py").write_text(FEELER)
+    (tmp_path / "its_feeler.py").write_text(FEELER)
+    monkeypatch.syspath_prepend(tmp_path)
     text = '[team]\nworld = "my.world"\n[[robots]]\nids = "0,1,3"\nbehavior = "wander"\n'
-    feeler = '[[robots]]\nid = 4\nbehavior = "feeler:Stopper"\n'
+    feeler = '[[robots]]\nid = 4\nbehavior = "its_feeler:Stopper"\n'
     laser = "5 robots[0].behavior"
     standing = ["4 robots[0].ids"] * 2
-    assert mistakes_of(tmp_path, text + feeler) == [*standing, laser, *["8 robots[1].behavior"] * 2]
+    assert mistakes_of(tmp_path, text + feeler, here=True) == [*standing, laser, *["8 robots[1].behavior"] * 2]
     node = '[[nodes]]\nname = "skin"\ncommand = ["python", "-c", "pass"]\n'
-    assert mistakes_of(tmp_path, text + feeler + node) == [*standing, laser]
+    assert mistakes_of(tmp_path, text + feeler + node, here=True) == [*standing, laser]

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from zteam.team.launch.own_behaviors import Inquiry, Question
+from support.transports import wait_until_true
+from zteam.team.launch import own_behaviors
+from zteam.team.launch.own_behaviors import Question, asking
 
 
 @pytest.mark.few(1)
@@ -26,19 +28,22 @@ def test_a_module_that_misbehaves_is_reported(
     """Whatever the import does, the launcher goes on, and the answer names the behaviour."""
     (tmp_path / "bad.py").write_text(code)
     monkeypatch.chdir("/")
-    with Inquiry([Question("bad:Robot", {})], [str(tmp_path)]) as inquiry:
-        (answer,) = inquiry.answers()
+    with asking([Question("bad:Robot", {})], [str(tmp_path)]) as answers:
+        (answer,) = answers()
     assert told in answer.refused
     assert "bad:Robot" in answer.refused
 
 
-def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
+def test_a_module_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After the limit the check goes on, and the process that hangs is ended."""
-    (tmp_path / "slow.py").write_text("import time; time.sleep(600)")
-    with Inquiry([Question("slow:Robot", {})] * 2, [str(tmp_path)]) as inquiry:
-        assert inquiry._process is not None
-        pid = inquiry._process.pid
-        first, _ = inquiry.answers(limit=0.5)
+    told = tmp_path / "pid"
+    (tmp_path / "slow.py").write_text(
+        f"import os, time\nwith open({str(told)!r}, 'w') as file: file.write(f'{{os.getpid()}} ')\ntime.sleep(600)"
+    )
+    monkeypatch.setattr(own_behaviors, "LIMIT", 0.5)
+    with asking([Question("slow:Robot", {})] * 2, [str(tmp_path)]) as answers:
+        wait_until_true(lambda: told.exists() and told.read_text().endswith(" "))
+        first, _ = answers()
         assert first.refused == "behaviour 'slow:Robot': importing it is not done after 0.5 s"
     with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
+        os.kill(int(told.read_text()), 0)

@@ -31,8 +31,7 @@ from zteam.team.file.reading import load_team
 from zteam.team.launch import plan as planning
 from zteam.team.launch.fork_server import PRELOADS
 from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch, options_of, plan_team, robot_job, stop_order
-from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.process import Job, zteam_command
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")
@@ -55,7 +54,7 @@ def plan_of(team: Team = TEAM, **of_the_run: Any) -> LaunchPlan:
 
 def told(plan: LaunchPlan, name: str, kind: type[T]) -> T:
     """What a process of the plan reads from its standard input."""
-    found, options = from_line(plan.own[name].words)
+    found, options = from_line(plan.jobs[name].words)
     assert found == name
     assert isinstance(options, kind)
     return options
@@ -70,17 +69,17 @@ def test_processes_start_and_stop_in_order() -> None:
     """The simulator starts first, because it is slowest. Robots stop first, with the user's own processes, which may
     command robots: their zero velocity reaches the wheels through the router and the simulator."""
     plan = plan_of()
-    assert list(plan.own) == ["sim", "tf", "monitor", *ROBOTS]
-    assert {job.command for job in plan.own.values()} == {MEMBER}
-    plan.own["robot #7"] = Job(["robot"])
+    assert list(plan.jobs) == ["sim", "tf", "monitor", *ROBOTS]
+    assert {job.command for job in plan.jobs.values()} == {MEMBER}
+    plan.jobs["robot #7"] = Job(["robot"])
     assert order_of(plan) == [[*ROBOTS, "robot #7"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_team_of_real_robots_has_no_simulator() -> None:
-    """The other processes are the same, and the simulator's group of the stop order is empty."""
+    """The other processes are the same, and stop in the same order."""
     plan = plan_of(world=None)
-    assert list(plan.own) == ["tf", "monitor", *ROBOTS]
-    assert order_of(plan)[2] == []
+    assert list(plan.jobs) == ["tf", "monitor", *ROBOTS]
+    assert order_of(plan) == [ROBOTS, ["tf", "monitor"], ["router"]]
 
 
 def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
@@ -95,7 +94,7 @@ def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
     team = Team([RobotEntry(id=0)], TeamSection(restart="on-failure"), nodes=nodes)
     plan = plan_of(team, pace=Pace(lockstep=True, expect=("mine",)))
     folder = Path("/t")
-    assert plan.nodes == {
+    assert {name: job for name, job in plan.jobs.items() if job.command != MEMBER} == {
         "planner": Job([sys.executable, "planner.py", "2"], folder=folder, restarts=True, may_end=True),
         "camera": Job(["/bin/camera"], folder=Path("/u"), may_end=True),
         "goals": Job(zteam_command("zteam", "goals", "tour.yaml"), folder=folder, restarts=True, may_end=True),
@@ -114,7 +113,7 @@ def test_a_map_takes_the_place_of_the_simulators_own() -> None:
     assert told(plan, "map", MapOptions) == MapOptions(Path("/t/maps/hall.yaml"))
     assert not told(plan, "sim", SimOptions).has_map
     assert order_of(plan)[1] == ["map", "tf", "monitor"]
-    assert "map" not in plan_of().own
+    assert "map" not in plan_of().jobs
 
 
 def test_the_word_of_the_team_holds_for_all_processes() -> None:
@@ -137,7 +136,7 @@ def test_a_run_needs_no_view() -> None:
     plain, viewed = plan_of(), plan_of(view=ViewOptions(browser=False, name="view"))
     assert plain.jobs == {name: job for name, job in viewed.jobs.items() if name != "view"}
     assert (plain.optional, viewed.optional) == (frozenset(), {"view"})
-    assert [*viewed.own][-1] == "view" and viewed.jobs["view"].may_end
+    assert [*viewed.jobs][-1] == "view" and viewed.jobs["view"].may_end
     assert "view" in viewed.unawaited and "view" in order_of(viewed)[0]
     assert not [module for module in PRELOADS if module.startswith("zteam.view")]
 
@@ -226,9 +225,8 @@ def test_shipped_teams_make_a_plan(name: str) -> None:
     assert path is not None
     launch = TeamLaunch(load_team(path), WORLD, team_file=path, run_for=1.0)
     plan = plan_team(launch)
-    for kind in KINDS:
-        for each, options in options_of(kind, launch).items():
-            assert told(plan, each, type(options)) == options
+    for each, options in options_of(launch).items():
+        assert told(plan, each, type(options)) == options
 
 
 def test_a_new_robot_gets_what_the_team_has_in_common() -> None:
@@ -247,14 +245,14 @@ def test_what_cannot_be_started_on_request_is_refused(behavior: str) -> None:
         robot_job(TeamLaunch(TEAM, None), 5, behavior)
 
 
-def test_one_row_is_all_that_a_further_kind_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It starts after the others with the row's options, stops with its rank, and lock-step waits for it."""
+def test_a_further_kind_needs_its_row_and_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It starts after the others with its options, stops with its rank, and lock-step waits for it."""
     row = Kind(title="planner", name="planner", command="zteam-monitor", stop_rank=2, in_lockstep=True)
     monkeypatch.setattr(kinds, "KINDS", (*KINDS, row))
-    options = {**planning.OPTIONS, "planner": lambda launch: {"planner": MonitorOptions(len(launch.team.robots))}}
-    monkeypatch.setattr(planning, "OPTIONS", options)
+    others = planning._told_beside_simulator
+    monkeypatch.setattr(planning, others.__name__, lambda launch: {**others(launch), "planner": MonitorOptions(4)})
     plan = plan_of(pace=Pace(lockstep=True))
-    assert list(plan.own)[-1] == "planner"
+    assert list(plan.jobs)[-1] == "planner"
     assert told(plan, "planner", MonitorOptions) == MonitorOptions(4)
     assert order_of(plan)[2] == ["sim", "planner"]
     lockstep = told(plan, names.SIMULATOR, SimOptions).lockstep

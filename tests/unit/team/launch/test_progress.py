@@ -1,7 +1,6 @@
 """What the launcher notices of its team: GO and the end of a run, processes that are back, and the team at a glance."""
 
 import threading
-from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
 
@@ -23,13 +22,12 @@ from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Restarted, restarts_text
 from zteam.simulator.client import FinishReply, SimStatus, WaitRequest
 from zteam.team.launch import progress as module
-from zteam.team.launch.progress import Progress, Recoveries, TeamOverview
+from zteam.team.launch.progress import Progress, TeamOverview
 
 
-def make_progress(hub: MemoryHub, on_end: Callable[[], None] | None = None) -> Progress:
-    """The progress of a run on this hub, which began 1.5 s before the host's clock did; with `on_end` it has an end."""
-    on_end, has_end = on_end or (lambda: None), on_end is not None
-    return Progress(TeamObserver(hub.bus()), has_end, on_end, lambda: monotonic() + 1.5)
+def make_progress(hub: MemoryHub) -> Progress:
+    """The progress of a run on this hub, which began 1.5 s before the host's clock did."""
+    return Progress(TeamObserver(hub.bus()), lambda: monotonic() + 1.5, dict)
 
 
 def serve_status(hub: MemoryHub, status: SimStatus) -> list[None]:
@@ -62,10 +60,8 @@ def test_go_is_noted_once(hub: MemoryHub) -> None:
     assert make_progress(hub).go_after is not None
 
 
-@pytest.mark.parametrize("has_end", [True, False])
-def test_the_simulator_decides_the_end(hub: MemoryHub, has_end: bool) -> None:
-    """The run is over when the simulator answers that it is finished, and not before; without a limit it is not
-    asked."""
+def test_the_simulator_decides_the_end(hub: MemoryHub) -> None:
+    """The run is over when the simulator answers that it is finished, and not before."""
     asked, over = threading.Semaphore(0), threading.Event()
 
     def finish(request: WaitRequest) -> FinishReply:
@@ -75,16 +71,16 @@ def test_the_simulator_decides_the_end(hub: MemoryHub, has_end: bool) -> None:
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), WaitRequest, finish)
     ended = threading.Event()
-    progress = make_progress(hub, ended.set if has_end else None)
+    progress = make_progress(hub)
+    progress.watch_end(ended.set)
     ScriptedMonitor(hub).give_go()
     for _ in range(3):
-        assert asked.acquire(timeout=LIMIT if has_end else 0.01) == has_end
+        assert asked.acquire(timeout=LIMIT)
     assert progress.wall is None
     over.set()
-    if has_end:
-        assert ended.wait(LIMIT)
-        assert progress.wall is not None and progress.go_after is not None
-        assert progress.wall >= progress.go_after
+    assert ended.wait(LIMIT)
+    assert progress.wall is not None and progress.go_after is not None
+    assert progress.wall >= progress.go_after
 
 
 @pytest.mark.parametrize("has_gone", [False, True])
@@ -119,20 +115,20 @@ def test_a_held_first_tick_is_given_up_too(hub: MemoryHub, status: dict[str, Any
 
 
 class Watched:
-    """Recoveries in a team whose processes, link and host clock are the test's."""
+    """The progress of a team whose processes, link and host clock are the test's."""
 
     def __init__(self, hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         monkeypatch.setattr(module, "monotonic", lambda: self.now)
         self.counts: dict[str, int] = {}
         bus, self.link = cut_bus(hub)
-        self.recoveries = Recoveries(TeamObserver(bus), lambda: self.counts)
+        self.progress = Progress(TeamObserver(bus), lambda: 0.0, lambda: self.counts)
         self._hub = hub
 
     def fail(self, name: str) -> None:
         """The process fails now, and is started again."""
         self.counts[name] = self.counts.get(name, 0) + 1
-        self.recoveries.note_failure(name)
+        self.progress.note_failure(name)
 
     def come(self, name: str, after: float) -> None:
         """Its token comes `after` host seconds."""
@@ -158,7 +154,7 @@ def test_a_process_is_back_with_its_token(watched: Watched) -> None:
         watched.come(names.AGGREGATOR, 5.0)
     assert [line.split()[0] for line in log.lines] == ["tf", "tf", "sim"]
     assert "stands at its start" in log.lines[-1] and "stands" not in log.lines[0]
-    assert watched.recoveries.restarted() == {names.AGGREGATOR: Restarted(2, 1.25), names.SIMULATOR: Restarted(1, 0.5)}
+    assert watched.progress.restarted() == {names.AGGREGATOR: Restarted(2, 1.25), names.SIMULATOR: Restarted(1, 0.5)}
 
 
 def test_a_robot_is_back_when_it_is_ready(hub: MemoryHub, watched: Watched) -> None:
@@ -170,10 +166,10 @@ def test_a_robot_is_back_when_it_is_ready(hub: MemoryHub, watched: Watched) -> N
     put_status(hub, 1, is_ready=False)
     watched.fail("robot_1")
     watched.come("robot_1", 0.25)
-    assert watched.recoveries.seconds == {}
+    assert watched.progress.away == {}
     watched.now += 0.5
     put_status(hub, 1, is_ready=True)
-    assert watched.recoveries.seconds == {"robot_1": 1.0}
+    assert watched.progress.away == {"robot_1": 1.0}
 
 
 def test_the_router_is_back_with_the_link(watched: Watched) -> None:
@@ -183,7 +179,7 @@ def test_the_router_is_back_with_the_link(watched: Watched) -> None:
     watched.fail(ROUTER)
     watched.now += 0.5
     watched.link.set_link(True)
-    assert watched.recoveries.restarted() == {ROUTER: Restarted(1, 0.5)}
+    assert watched.progress.restarted() == {ROUTER: Restarted(1, 0.5)}
 
 
 def test_restarts_are_told_in_one_line() -> None:

@@ -34,10 +34,13 @@ class Faulty(Behavior):
 def test_the_report_is_that_of_the_run() -> None:
     """The run ends at its time; another seed gives another run; the same seed repeats it."""
     first, again, other = (zteam.run_team("arena", seconds=5.0, seed=seed) for seed in (5, 5, 6))
-    assert isinstance(first, zteam.RunReport)
+    assert isinstance(first, zteam.RunReport) and first.go_after_seconds is not None
     assert (first.seed, first.ticks, first.sim_seconds) == (5, 51, 5.0)
     assert first.trajectory_sha256 == again.trajectory_sha256 != other.trajectory_sha256
     assert [row.name for row in first.processes] == ["up"]
+    assert (
+        first.wall_seconds == round(first.wall_seconds, 3) >= first.go_after_seconds == round(first.go_after_seconds, 3)
+    )
 
 
 def test_an_own_node_keeps_time() -> None:

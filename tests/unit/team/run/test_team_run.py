@@ -25,8 +25,8 @@ from zteam.robot.client import start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER, TeamLaunch
-from zteam.team.launch.process import Process
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.process import Job, Process
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.processes import Processes, node_environment
 from zteam.team.run.team_run import TeamRun
@@ -37,7 +37,7 @@ TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 def python(code: str) -> list[str]:
     """A command that runs a Python text."""
-    return [sys.executable, "-c", code]
+    return [sys.executable, "-S", "-c", code]
 
 
 WAIT = "import time; time.sleep(600)"
@@ -92,14 +92,14 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
 
 
 def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
-    """After its options, the endpoint goes to every process's standard input as soon as the router has reported it."""
+    """The router's, which has reported it, is in the environment of all others."""
     pretend.router = f"print(input(), flush=True)\n{ANNOUNCE}"
-    pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
+    pretend.others = f"import os; print(os.environ['ZTEAM_CONNECT'], flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
         assert run.members.endpoint == "tcp/127.0.0.1:5"
         options = RouterOptions((DEFAULT_ENDPOINT,), lease=LEASE, for_team="starts")
-        expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
+        expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.jobs}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
     assert not any(p.running for p in run.supervisor.processes.values())
 
@@ -135,7 +135,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend, code: str) -> None:
     """A run without its simulator has no result: it ends with an error that names the simulator."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.own[names.SIMULATOR] = Job(python(code))
+        run.plan.jobs[names.SIMULATOR] = Job(python(code))
         run.start()
         if code == WAIT:
             run.supervisor.processes[names.SIMULATOR].kill()
@@ -169,7 +169,7 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.Monk
 def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
     """GO waits for all processes: the error names the ended one, its exit code and its last line."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.own[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
+        run.plan.jobs[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
         run.start()
         expected = rf"{name} ended \(exit code {code}: no such leader\): the run cannot begin"
         with pytest.raises(ZteamError, match=expected):
@@ -196,7 +196,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
     held = SimStatus("", [0], 1, 1, 0, tick=1, real_time_factor=0.0, lockstep=True, waiting_for="goals")
     pretend.hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: held)
     with pretend.run(run_for=1.0) as run:
-        run.plan.nodes["goals"] = Job(python(WAIT))
+        run.plan.jobs["goals"] = Job(python(WAIT))
         run.start()
         ScriptedMonitor(pretend.hub).give_go()
         progress = run._progress
@@ -211,7 +211,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
 @pytest.mark.parametrize("gone", [False, True])
 def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
     """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
-    pretend.others = "input(); input()" if gone else WAIT
+    pretend.others = "input()" if gone else WAIT
     pretend.router = ANNOUNCE.replace("600", "1")
     with pretend.run() as run:
         if gone:
@@ -219,7 +219,7 @@ def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> 
         run.start()
         with nullcontext() if gone else pytest.raises(ZteamError, match=r"no GO within 0\.01 s"):
             run.watch(0.01)
-        assert run.supervisor.ended.issuperset(run.plan.own) == gone
+        assert run.supervisor.ended.issuperset(run.plan.jobs) == gone
 
 
 @pytest.mark.parametrize("namespace", [None, "mine"])
@@ -227,11 +227,11 @@ def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.Monkey
     """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
     monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
     monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
-    bus = BusOptions(namespace=namespace, lease=3.0)
-    for name, value in node_environment("-", bus).items():
+    bus = BusOptions(connect="-", namespace=namespace, lease=3.0)
+    for name, value in node_environment(bus).items():
         monkeypatch.setenv(name, value)
     chosen = BusOptions.from_environment()
-    assert chosen == BusOptions(connect="-", namespace=namespace, lease=3.0)
+    assert chosen == bus
 
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:

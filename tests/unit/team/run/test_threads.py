@@ -17,9 +17,9 @@ from zteam.navigation.planning.maps import write_map
 from zteam.node.kinds import KINDS
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
-from zteam.team.launch.plan import Pace, TeamLaunch, plan_team
+from zteam.team.launch.plan import TeamLaunch, plan_team
 from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import Threads, open_outside, parts_of
+from zteam.team.run.threads import Threads, parts_of
 
 
 def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
@@ -28,25 +28,23 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     path = tmp_path / "team.toml"
     path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
     launch = TeamLaunch(load_team(path), find_world("office"), team_file=path)
-    assert [*parts_of(launch, lambda name, text: None)] == [*plan_team(launch).own]
+    assert [*parts_of(launch, lambda name, text: None, {})] == [*plan_team(launch).jobs]
     needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
-    assert all(any(kind.includes(name) for name in plan_team(launch).own) for kind in needed)
+    assert all(any(kind.includes(name) for name in plan_team(launch).jobs) for kind in needed)
 
 
 def test_the_router_ends_with_it() -> None:
     """Within, tools reach the team's own router and find the launcher; after it, nothing listens there."""
     launch = TeamLaunch(Team([RobotEntry(id=0)]), find_world("arena"))
-    with open_outside(zteam.BusOptions(), Pace()) as outside:
-        tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
-        members = Threads(outside=outside)
-        with TeamRun(members, launch) as run:
-            run.open()
-            info = members.beside_simulator(lambda: tool.ask(names.info_key(names.LAUNCHER), ProcessInfo))
-            assert members.bus is not None
-            assert info.instance == members.bus.instance
-        assert tool.query(names.info_key(names.LAUNCHER), ProcessInfo) == []
-        tool.close()
-    assert not port_accepts(outside.endpoint)
+    members = Threads(options=zteam.BusOptions())
+    with TeamRun(members, launch) as run:
+        run.open()
+        tool = zteam.connect(zteam.BusOptions(connect=members.endpoint))
+        info = members.beside_simulator(lambda: tool.ask(names.info_key(names.LAUNCHER), ProcessInfo))
+        assert members.bus is not None
+        assert info.instance == members.bus.instance
+    tool.close()
+    assert not port_accepts(members.endpoint)
 
 
 @pytest.mark.gate

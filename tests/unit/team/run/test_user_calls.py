@@ -12,18 +12,18 @@ from support.log_capture import captured_log
 from zteam.bus.memory import HubReceiver
 from zteam.node import working
 from zteam.node.working import StepWatch, working_for
-from zteam.team.in_process import user_calls
-from zteam.team.in_process.delivery import Delivery
-from zteam.team.in_process.user_calls import CallWatch, end_user_calls
+from zteam.team.in_process.bridge import Delivery
 from zteam.team.launch.plan import Pace
+from zteam.team.run import threads
+from zteam.team.run.threads import CallWatch, end_user_calls
 
-PACE = Pace(lockstep=True, timeout=0.05)
+PACE = Pace(lockstep=True, timeout=0.02)
 
 
 @pytest.fixture(autouse=True)
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """The calls are looked at often."""
-    monkeypatch.setattr(user_calls, "_PERIOD", 0.01)
+    monkeypatch.setattr(threads, "_PERIOD", 0.01)
 
 
 @pytest.fixture
@@ -62,9 +62,9 @@ def in_thread(work: Callable[[], object]) -> threading.Thread:
 
 
 @contextmanager
-def watching(watch: CallWatch) -> Iterator[None]:
+def watching(watch: CallWatch, pace: Pace = PACE, *, in_real_time: bool = False) -> Iterator[None]:
     """Within, the calls are looked at."""
-    end = watch.start()
+    end = watch.start(pace, in_real_time=in_real_time)
     try:
         yield
     finally:
@@ -87,7 +87,7 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
             while not done.is_set():
                 pass
 
-    watch = CallWatch(PACE, in_real_time=False)
+    watch = CallWatch()
     with captured_log() as log, watching(watch):
         slow = in_thread(prepare)
         assert begun.wait(LIMIT)
@@ -98,23 +98,23 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
         done.set()
         slow.join(LIMIT)
     assert ended == [*watch.hung] == ["robot_1"]
-    assert log.count("robot_1 hangs: after 0.05 s loop has not returned") == 1
+    assert log.count("robot_1 hangs: after 0.02 s loop has not returned") == 1
     assert f'File "{__file__}"' in watch.hangs["robot_1"]
 
 
 def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
     """With `in_real_time` calls are ended out of lock-step too."""
-    watch = CallWatch(Pace(timeout=0.05), in_real_time=True)
+    watch = CallWatch()
 
     def work() -> None:
         with working_for("robot_1"), pytest.raises(SystemExit):
             StepWatch("Loop.step", "", "").run(loop, 0.0, paced=True)
 
-    with watching(watch):
+    with watching(watch, Pace(timeout=0.02), in_real_time=True):
         thread = in_thread(work)
         thread.join(LIMIT)
     assert not thread.is_alive()
-    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.05 s loop has not returned (")
+    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.02 s loop has not returned (")
 
 
 def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> None:
@@ -132,7 +132,7 @@ def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> No
         Debugger().set_trace()
         returned.append(stopped.is_set())
 
-    watch = CallWatch(PACE, in_real_time=False)
+    watch = CallWatch()
     with watching(watch):
         debugged = deliver("robot_0", take)
         assert stopped.wait(LIMIT)
@@ -168,7 +168,7 @@ def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.Monkey
     monkeypatch.setattr(working, "_under_way", under_way)
     old, new = (StepWatch("Loop.step", "a scan comes every", "") for _ in range(2))
     under_way.add(old)
-    watch = CallWatch(PACE, in_real_time=False)
+    watch = CallWatch()
     assert watch.hung == set()
     under_way.add(new)
     assert watch.hung == {new.node}
@@ -184,7 +184,7 @@ def test_a_call_that_another_team_left_behind_fails_no_later_one(deliver: Callab
 
     left_behind = deliver("robot_0", sleep)
     assert begun.wait(LIMIT)
-    watch = CallWatch(PACE, in_real_time=False)
+    watch = CallWatch()
     with watching(watch):
         deliver("robot_1", loop).join(LIMIT)
     done.set()
