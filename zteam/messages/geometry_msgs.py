@@ -1,11 +1,13 @@
 """Types of geometry_msgs and tf2_msgs, as in ROS 2 Jazzy."""
 
+from functools import lru_cache
 from typing import ClassVar
 
 import msgspec
 
+from zteam import names
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
-from zteam.messages.std_msgs import Header
+from zteam.messages.std_msgs import Header, ns_from_time
 
 
 class Vector3(Message):
@@ -144,3 +146,17 @@ class TFMessage(Message):
 
     ros_type: ClassVar[str] = "tf2_msgs/msg/TFMessage"
     transforms: list[TransformStamped] = msgspec.field(default_factory=list)
+
+
+@lru_cache(maxsize=4096)
+def is_base(frame: str) -> bool:
+    """Whether a frame of the team's tree is the base of a robot."""
+    return names.is_robot_frame(names.strip_slash(frame), names.BASE_FOOTPRINT)
+
+
+def bases_stamp(message: TFMessage) -> int:
+    """The stamp (ns) of the last base in a message of `tf`, which tells its tick; 0 without one.
+
+    Frames of other processes do not: their stamps may be of the tick before, or of the future.
+    """
+    return next((ns_from_time(t.header.stamp) for t in reversed(message.transforms) if is_base(t.child_frame_id)), 0)

@@ -113,7 +113,7 @@ def message_type(name: str) -> type[Message]:
             load_offered(MESSAGES, parts[0])
         else:
             for package in offered(MESSAGES):
-                _import_offered(package)
+                import_offered(package)
         found = _by_parts(parts)
     if found is not None:
         return found
@@ -143,21 +143,17 @@ def type_of_encoding(encoding: str) -> type[Message] | None:
     prefix, _, name = encoding.partition(";")
     if prefix != "application/cdr":
         return None
-    return REGISTERED.get(name) or _offered_type(name)
-
-
-@lru_cache(maxsize=1024)
-def _offered_type(name: str) -> type[Message] | None:
-    """The type called `name` of the package that offers its ROS package; None if there is none, or it is broken.
-
-    Tools ask once for each message they see, so the answer is kept.
-    """
-    _import_offered(name.partition("/")[0])
+    if name not in REGISTERED:
+        import_offered(name.partition("/")[0])
     return REGISTERED.get(name)
 
 
-def _import_offered(package: str) -> None:
-    """Import the message types of `package`; a broken package is logged, because others may have the type."""
+@lru_cache(maxsize=1024)
+def import_offered(package: str) -> None:
+    """Import the message types of `package`; a broken package is logged, because others may have the type.
+
+    Tools ask once for each message they see, so it is tried once.
+    """
     try:
         load_offered(MESSAGES, package)
     except UsageError as error:

@@ -17,7 +17,7 @@ from zteam.bus.transport import matches
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
-from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_measured
 
 MAX_AHEAD = to_ns(10.0)

@@ -14,7 +14,7 @@ from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import BusError
 from zteam.messages import BaseInfo, LaserScan, Odometry, RobotState, TFMessage, Tick, Twist
-from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
