@@ -13,6 +13,7 @@ from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
+from zteam.node.tokens import CertainTokens
 
 log = logging.getLogger("zteam")
 
@@ -38,12 +39,12 @@ class Ticks:
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
-        node.watch_certain_tokens(names.lockstep_key(), self._on_token)
+        CertainTokens(node.bus, names.lockstep_key(), node.handler(self._on_token))
 
     def listen(self) -> None:
         """Receive ticks; nothing if they are received already."""
         if self._input is None:
-            self._input = self._node.subscribe_from(names.TICK, Tick, self._on_tick)
+            self._input = self._node.bus.subscribe_from(names.TICK, Tick, self._node.handler(self._on_tick))
 
     def deafen(self) -> None:
         """Receive no ticks until `listen`."""

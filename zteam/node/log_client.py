@@ -14,8 +14,7 @@ from zteam.node.logs import KEEPER, KEPT, LogLine
 
 HOLD = 0.2
 """Host seconds for which a new line waits for older ones of other processes."""
-_MOST_ASKED = 16
-"""Processes that have joined and are asked one by one: any program may hold tokens, of any names."""
+_LINES = list[LogLine]
 _REMEMBERED = 10 * KEPT
 """Lines of a process that are known again; a history repeats the newest KEPT of those that came before."""
 _PROCESSES = 1000
@@ -85,9 +84,8 @@ class LogPublisher:
     def __init__(self, bus: Bus, name: str) -> None:
         self._name = name
         self._publisher = bus.publisher(names.log_key(name), Log)
-        self._first_sent: int | None = None
-        """Stamp of the first line that was sent, ns."""
-        self._caught_up = False
+        self._sent = float("inf")
+        """Stamp (ns) of the first line that was sent; 0 once those before it were sent, too."""
         self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
         self._forget = KEEPER.pass_to(self._send)
 
@@ -102,17 +100,14 @@ class LogPublisher:
 
         A process that ends soon after its start may be gone before a reader asks it.
         """
-        if self._caught_up:
-            return
-        self._caught_up = True
-        first = self._first_sent
+        before, self._sent = self._sent, 0
         for line in KEEPER.kept(self._name):
-            if first is None or line.time_ns < first:
+            if line.time_ns < before:
                 self._send(line)
 
     def _send(self, line: LogLine) -> None:
         if line.process in ("", self._name) and self._publisher.has_subscribers:
-            self._first_sent = self._first_sent or line.time_ns
+            self._sent = min(self._sent, line.time_ns)
             self._publisher.put(message_of(self._name, line))
 
 
@@ -135,13 +130,11 @@ class LogReader:
 
     def __init__(self, bus: Bus, patterns: Sequence[str], on_news: Callable[[], None], level: int = 0) -> None:
         """Lines below `level` are skipped."""
-        self._bus = bus
-        self._patterns = patterns
-        self._on_news = on_news
-        self._level = level
+        self._bus, self._patterns, self._on_news, self._level = bus, patterns, on_news, level
         self._lock = threading.Lock()
         self._order = LogOrder(HOLD)
-        self._joined: set[str] = set()
+        self._has_joined = False
+        """Whether a process has joined since the last question."""
 
     def follow(self) -> None:
         """From here on take new lines, and notice processes that join."""
@@ -151,25 +144,18 @@ class LogReader:
 
     def fetch(self) -> set[str]:
         """Take what all the processes keep; the names of those that answered."""
-        return {name for pattern in self._patterns for name in self._fetch(pattern)}
-
-    def fetch_joined(self) -> set[str]:
-        """Take what the processes keep that joined since the last call; the names of those that answered."""
-        with self._lock:
-            joined, self._joined = self._joined, set()
-        if len(joined) > _MOST_ASKED:
-            return self.fetch()
-        return {name for pattern in sorted(joined) for name in self._fetch(pattern)}
-
-    def _fetch(self, pattern: str) -> set[str]:
-        answers = self._bus.find(names.log_key(pattern), list[LogLine])
+        self._has_joined = False
+        answers = [answer for pattern in self._patterns for answer in self._bus.find(names.log_key(pattern), _LINES)]
         self._take([*kept_lines(answers)])
         return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
 
+    def fetch_joined(self) -> set[str]:
+        """The same, if a process has joined since the last call. All are asked: any program may hold tokens."""
+        return self.fetch() if self._has_joined else set()
+
     def pending(self) -> bool:
         """Whether lines wait, or processes joined."""
-        with self._lock:
-            return bool(self._joined) or self._order.waiting
+        return self._has_joined or self._order.waiting
 
     def left(self) -> float:
         """Host seconds until a line is ready; 0 if none waits."""
@@ -191,9 +177,7 @@ class LogReader:
             self._take([line_of(process, message)])
             self._on_news()
 
-    def _on_token(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        if token is not None and alive:
-            with self._lock:
-                self._joined.add(token[0])
+    def _on_token(self, _key: str, alive: bool) -> None:
+        if alive:
+            self._has_joined = True
             self._on_news()

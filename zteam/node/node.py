@@ -208,26 +208,19 @@ class Node(ProcessNode):
         """
         if every_tick:
             self._inputs.declare(key_expr, message_type)
-        number, call, simulators = next(self._numbers), self._failing(callback), self.part.ticks.simulators
+        call = self._failing(callback)
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (latched or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
             call(key, message)
-
-        def take(key: str, message: Message, source: str = "") -> None:
-            due = stamp_of_tick(message) if every_tick else None
-            if latched:
-                handle(key, message)
-            elif not self._take(HeldMessage(number, key, message, source, source in simulators, due, handle)):
-                return
-            if due is not None:
-                self._inputs.take(key, due)
+            if every_tick:
+                self._inputs.take(key, stamp_of_tick(message))
 
         if latched:
-            return super().subscribe(key_expr, message_type, take, latched=True)
-        return self.subscribe_from(key_expr, message_type, take)
+            return super().subscribe(key_expr, message_type, handle, latched=True)
+        return self.receive(key_expr, message_type, handle, every_tick=every_tick, newest_only=False)
 
     hear = ProcessNode.subscribe
     """As `subscribe`, but at once in lock-step too, and an error of the callback does not end the process."""
@@ -240,34 +233,32 @@ class Node(ProcessNode):
         problem: Callable[[RawSample], str] | None = None,
         *,
         latched: bool = False,
+        every_tick: bool = False,
+        newest_only: bool = True,
     ) -> Closeable:
-        """Call `handle(key, message, stamp)` with what others send: in lock-step with each sender's newest message, in
-        the tick after the one in which it was sent, whose `stamp` (ns) is given; else at once. For `problem` see
-        `subscribe_from`.
+        """Call `handle(key, message, stamp)` with what others send: in lock-step in the tick after the one in which it
+        was sent, whose `stamp` (ns) is given; else at once. `newest_only`: only with each sender's newest message.
+
+        `problem(sample)`, not called under `changed`, says why a sample is dropped; empty if it is not.
         """
-        number = next(self._numbers)
+        number, simulators = next(self._numbers), frozenset[str]() if newest_only else self.part.ticks.simulators
 
         def take(key: str, message: Message, source: str = "") -> None:
-            self._take(HeldMessage(number, key, message, source, False, None, handle, newest_only=True))
+            due, part = stamp_of_tick(message) if every_tick else None, self.part
+            if self.is_of_ended_time(stamp_of_tick(message) if isinstance(message, RobotStatus) else due or 0):
+                return
+            if part.tick is None:
+                self._messages.handle_due(None)
+                handle(key, message, self.clock.now())
+                return
+            arrival = HeldMessage(number, key, message, source, source in simulators, due, handle, newest_only)
+            if full := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
+                self.bus.counters.drop(key, full)
 
         if latched:
             # Its bus lets one sender's message count alone: the one with the newest time.
             return super().subscribe(key_expr, message_type, take, latched=True)
-        return self.subscribe_from(key_expr, message_type, take, problem)
-
-    def _take(self, arrival: HeldMessage) -> bool:
-        """Handle a message now, or keep it for its tick; False if it is dropped."""
-        key, message, part = arrival.key, arrival.message, self.part
-        stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
-        if self.is_of_ended_time(stamp):
-            return False
-        if part.tick is None:
-            self._messages.handle_due(None)
-            arrival.handle(key, message, self.clock.now())
-        elif problem := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
-            self.bus.counters.drop(key, problem)
-            return False
-        return True
+        return self.bus.subscribe_from(key_expr, message_type, self.handler(take), problem)
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
@@ -356,11 +347,6 @@ class Node(ProcessNode):
         """Whether the robot of this process is stopped (`zteam stop`)."""
         return self.switch is not None and self.switch.is_stopped
 
-    @property
-    def _may_step(self) -> bool:
-        """Whether it is known if the robot of this process is stopped."""
-        return self.switch is None or self.switch.is_known
-
     def _on_switch(self) -> None:
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
         of one; in lock-step it counts from the next tick on.
@@ -435,7 +421,7 @@ class Node(ProcessNode):
             if tick is None:
                 return None
             return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
-        if part.expected or self.stopping or not self._may_step:
+        if part.expected or self.stopping or not (self.switch is None or self.switch.is_known):
             return None
         now = self._timer.take()
         if now is None:
@@ -465,7 +451,8 @@ class Node(ProcessNode):
     def _has_inputs(self, tick: Tick) -> bool:
         self._messages.handle_due(self.part.stamp)
         # A message that was due may have ended the process.
-        return self.can_publish and self._may_step and not self._inputs.lacking(tick)
+        may_step = self.can_publish and (self.switch is None or self.switch.is_known)
+        return may_step and not self._inputs.lacking(tick)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:

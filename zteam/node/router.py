@@ -7,9 +7,8 @@ from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, detach, open_team_router
 from zteam.errors import ZteamError
 from zteam.node.launcher import report
-from zteam.node.leaving import leave
+from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
-from zteam.node.ps_name import show_name
 from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")

@@ -373,7 +373,7 @@ def test_history_and_new_lines_are_one_log(hub: MemoryHub) -> None:
     reader.fetch_joined()
     assert reader.pending()
     late, _ = Talker(hub, "robot_7", LogLine(4, "robot_7", 30, "late")), Talker(hub, "planner", line(1, "planner"))
-    assert (reader.fetch_joined(), reader.fetch_joined()) == ({"robot_7"}, set())
+    assert (reader.fetch_joined(), reader.fetch_joined()) == ({"sim", "robot_0", "robot_7"}, set())
     sim.say(8, "between", 30)
     late.say(10, "e", 30)
     assert found_by(reader) == [

@@ -9,8 +9,7 @@ from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
-from zteam.node.tokens import TokenSet
-from zteam.node.writers import Writers
+from zteam.node.tokens import TokenSet, Writers
 from zteam.simulator.process.statistics import RunStatistics
 
 _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
