@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
-from zteam.messages.std_msgs import Header, ns_from_time
+from zteam.messages.std_msgs import Stamped, ns_from_time
 
 
 class Vector3(Message):
@@ -49,24 +49,21 @@ class PoseWithCovariance(Message):
     covariance: Covariance = zeros("float64", 36)
 
 
-class PoseStamped(Message):
+class PoseStamped(Stamped):
     """A pose in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     pose: Pose = msgspec.field(default_factory=Pose)
 
 
-class PoseWithCovarianceStamped(Message):
+class PoseWithCovarianceStamped(Stamped):
     """A pose and its covariance in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
 
 
-class PoseArray(Message):
+class PoseArray(Stamped):
     """Poses in one frame at one time, such as the particles of a localiser."""
 
-    header: Header = msgspec.field(default_factory=Header)
     poses: list[Pose] = msgspec.field(default_factory=list)
 
 
@@ -84,24 +81,21 @@ class Polygon(Message):
     points: list[Point32] = msgspec.field(default_factory=list)
 
 
-class PolygonStamped(Message):
+class PolygonStamped(Stamped):
     """An outline in a frame at a time, such as a robot's footprint."""
 
-    header: Header = msgspec.field(default_factory=Header)
     polygon: Polygon = msgspec.field(default_factory=Polygon)
 
 
-class PointStamped(Message):
+class PointStamped(Stamped):
     """A point in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     point: Point = msgspec.field(default_factory=Point)
 
 
-class Vector3Stamped(Message):
+class Vector3Stamped(Stamped):
     """A direction or a difference in a frame at a time: turned by transforms, not moved."""
 
-    header: Header = msgspec.field(default_factory=Header)
     vector: Vector3 = msgspec.field(default_factory=Vector3)
 
 
@@ -112,10 +106,9 @@ class Twist(Message):
     angular: Vector3 = msgspec.field(default_factory=Vector3)
 
 
-class TwistStamped(Message):
+class TwistStamped(Stamped):
     """A velocity in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     twist: Twist = msgspec.field(default_factory=Twist)
 
 
@@ -133,10 +126,9 @@ class Transform(Message):
     rotation: Quaternion = msgspec.field(default_factory=Quaternion)
 
 
-class TransformStamped(Message):
+class TransformStamped(Stamped):
     """The pose of `child_frame_id` in `header.frame_id` at `header.stamp`."""
 
-    header: Header = msgspec.field(default_factory=Header)
     child_frame_id: str = ""
     transform: Transform = msgspec.field(default_factory=Transform)
 

@@ -64,7 +64,7 @@ class Message(msgspec.Struct, eq=False, gc=False):
         if "ros_type" not in vars(cls) and package == __package__:
             cls.ros_type = f"{module}/msg/{cls.__name__}"
         # Only the name: the class has no fields yet. Its codec is generated at its first use.
-        if "ros_type" in vars(cls):
+        if vars(cls).get("ros_type"):
             _register(cls)
 
     def __eq__(self, other: object) -> bool:
