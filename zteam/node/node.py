@@ -138,7 +138,7 @@ class Node(ProcessNode):
         if problem := names.name_problem(name):
             raise UsageError(problem)
         super().__init__(name, bus, stop, clock)
-        self._inputs = TickInputs(lambda: self.part.robots)
+        self._inputs = TickInputs()
         self._messages = TickMessages()
         self._numbers = count()
         self.first_data = 0.0

@@ -7,7 +7,7 @@ next tick: what it publishes then could come before that tick or after it.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import count, groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -182,9 +182,7 @@ def stamp_of_tick(message: Any) -> int:
 class TickInputs:
     """The keys that are declared with `every_tick`, and what else a node needs of each tick."""
 
-    def __init__(self, robots: Callable[[], Iterable[int]]) -> None:
-        """`robots()` are the ids in the world at the newest tick."""
-        self._robots = robots
+    def __init__(self) -> None:
         self._keys: list[str] = []
         self._needs: list[Callable[[Tick], list[str]]] = []
         self._stamps: dict[str, int] = {}
@@ -224,6 +222,6 @@ class TickInputs:
             return []
         keys = [key_expr]
         if key_expr.startswith(names.all_robots_key("")):
-            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in self._robots()]
+            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in tick.robots.tolist()]
         stamp = ns_from_time(tick.stamp)
         return [key for key in keys if self._stamps.get(key, -1) < stamp]
