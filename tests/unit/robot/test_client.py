@@ -12,7 +12,7 @@ from zteam.errors import BusError
 from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import EngageRequest, StopReply, StopService
+from zteam.node.stopping import EngageRequest, StopReply, serve_stop
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.client import CONFIRM_LIMIT, ParametersClient, StopClient, StopResult
 from zteam.robot.process.node import RobotNode
@@ -62,7 +62,7 @@ class StoppingTeam:
             self.stopped[key] = stopped
 
         if answers:
-            StopService(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
+            serve_stop(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
 
     def add_simulator(self, *robots: int, answers: bool = True) -> None:
         """One with these robots in its world."""

@@ -9,8 +9,9 @@ from functools import partial
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.bus.transport import Closeable, Held
 from zteam.config.robot_ids import format_robot_ids
-from zteam.node.stopping import StopService, ask_stopped
+from zteam.node.stopping import ask_stopped, serve_stop
 
 log = logging.getLogger("zteam")
 
@@ -21,7 +22,7 @@ class Holds:
     def __init__(self, bus: Bus, on_change: Callable[[], None]) -> None:
         """`on_change()` is called when a query has stopped or released a robot."""
         self._bus, self._on_change = bus, on_change
-        self._served: dict[int, StopService] = {}
+        self._served: dict[int, list[Held[Closeable]]] = {}
         """By robot in the world."""
         self._told: dict[int, bool] = {}
         """What the queries have said, by robot. A robot that comes back to the world is what it was."""
@@ -34,27 +35,22 @@ class Holds:
     def _on_robot(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
         robot_id = None if token is None else names.robot_id_of(token[0])
-        service = None if robot_id is None or alive else self._served.get(robot_id)
-        if service is not None:
-            service.renew()
+        for each in () if robot_id is None or alive else self._served.get(robot_id, ()):
+            each.renew()
 
     def match_robots(self, robots: Collection[int]) -> None:
         """These are in the world now. One that comes while all others are stopped is stopped too."""
         for gone in self._served.keys() - robots:
-            self._served.pop(gone).close()
+            for each in self._served.pop(gone):
+                each.close()
         known = sorted(self._served)
         is_team_stopped = bool(known) and all(map(self.is_stopped, known))
         for robot_id in sorted(robots - self._served.keys()):
             if is_team_stopped:
                 self._told.pop(robot_id, None)
             self._before[robot_id] = is_team_stopped or self._before.get(robot_id, False)
-            self._served[robot_id] = StopService(
-                self._bus,
-                robot_id,
-                names.SIMULATOR,
-                partial(self._known, robot_id),
-                partial(self._change, robot_id),
-            )
+            is_stopped, change = partial(self._known, robot_id), partial(self._change, robot_id)
+            self._served[robot_id] = serve_stop(self._bus, robot_id, names.SIMULATOR, is_stopped, change)
 
     def is_stopped(self, robot_id: int) -> bool:
         """Whether the body of this robot is held."""
