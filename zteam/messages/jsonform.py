@@ -3,7 +3,6 @@
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
@@ -24,31 +23,23 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
 _MAX_FLOAT32 = float(np.finfo(np.float32).max)
 
 
-def to_plain(value: Any) -> Any:
-    """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None."""
+def to_plain(value: Any, *, is_float32: bool = False) -> Any:
+    """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None.
+
+    A float32 is the shortest decimal that is the same float32: 0.1, not 0.10000000149.
+    """
     if isinstance(value, Message):
-        short = _float32_fields(type(value))
-        plain = {name: to_plain(getattr(value, name)) for name in value.__struct_fields__}
-        return {name: _shortened(item) if name in short else item for name, item in plain.items()}
+        shorts = {field.name: field.ros_name == "float32" for field in fields_of(type(value))}
+        return {name: to_plain(getattr(value, name), is_float32=short) for name, short in shorts.items()}
     if isinstance(value, np.ndarray):
-        if value.dtype == np.float32:
-            return [_shortened(x) if math.isfinite(x) else None for x in value]
-        return [x if math.isfinite(x) else None for x in value.tolist()]
+        return to_plain(value.tolist(), is_float32=is_float32) if value.dtype.kind == "f" else value.tolist()
     if isinstance(value, list):
-        return [to_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
+        return [to_plain(item, is_float32=is_float32) for item in value]
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
         return None
-    return value
-
-
-@cache
-def _float32_fields(kind: type[Message]) -> frozenset[str]:
-    return frozenset(each.name for each in fields_of(kind) if each.length is None and each.ros_name == "float32")
-
-
-def _shortened(value: Any) -> Any:
-    """A float32 as the shortest decimal that is the same float32: 0.1, not 0.10000000149."""
-    return value if value is None or abs(value) > _MAX_FLOAT32 else float(str(np.float32(value)))
+    return float(str(np.float32(value))) if is_float32 and abs(value) <= _MAX_FLOAT32 else value
 
 
 def to_json(message: Message) -> bytes:

@@ -87,7 +87,7 @@ class UserStep:
         node, clock = self._node, self._node.clock
         if not clock.decided or clock.now() == 0:
             node.wait(lambda: clock.now() > 0, 0.1)
-        elif node.wait(lambda: node.pass_gate(node.lacking, node.epoch()), 0.5):
+        elif node.wait(lambda: node.pass_gate(node.lacking, go_epoch(node.team, clock.now())), 0.5):
             period = to_ns(self._period)
             # The first moment is now.
             self._rate = self._rate or Rate(period, clock.steady() - period)
@@ -318,10 +318,6 @@ class Node(ProcessNode):
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self.team = status
-
-    def epoch(self) -> int:
-        """The GO that holds now by the monitor's word, 0 = none. In lock-step the ticks carry it."""
-        return go_epoch(self.team, self.clock.now())
 
     def drive(self, beat: Callable[[], None]) -> None:
         """Take steps until the process is asked to stop; call `beat()` once a second. Raises what a step raises."""
