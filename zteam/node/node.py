@@ -7,7 +7,7 @@ from itertools import count
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, Publisher, connect
+from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
@@ -16,7 +16,7 @@ from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks
-from zteam.node.lockstep import Participant, TickState
+from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
@@ -164,8 +164,9 @@ class Node(ProcessNode):
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
         """Whether `run` was called."""
-        self.part = Participant(self, self._has_inputs, self._inputs.lacking)
+        self.part = Participant(self)
         """Its part in lock-step."""
+        bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
@@ -370,6 +371,10 @@ class Node(ProcessNode):
         tick = self.part.tick
         return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
 
+    def _answer_lacking(self) -> Lacking:
+        tick, is_open = self.part.tick, self.part.state is TickState.OPEN
+        return Lacking(self._inputs.lacking(tick) if tick is not None and is_open else [])
+
     def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
         """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""
         was_released = self.readiness.released
@@ -411,15 +416,17 @@ class Node(ProcessNode):
         self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:
-        part = self.part
-        if part.tick is not None:
-            tick = part.begin()
-            if tick is None:
+        part, tick, may_step = self.part, self.part.tick, self.switch is None or self.switch.is_known
+        if tick is not None:
+            if part.state is not TickState.OPEN:
                 return None
+            self._messages.handle_due(part.stamp)
+            # A message that was due may have ended the process.
+            if not (self.can_publish and may_step) or self._inputs.lacking(tick):
+                return None
+            part.begin()
             return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
-        if part.expected or self.stopping or not (self.switch is None or self.switch.is_known):
-            return None
-        now = self._timer.take()
+        now = None if part.expected or self.stopping or not may_step else self._timer.take()
         if now is None:
             return None
         self._messages.handle_due(None)
@@ -443,12 +450,6 @@ class Node(ProcessNode):
     def _command(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
-
-    def _has_inputs(self, tick: Tick) -> bool:
-        self._messages.handle_due(self.part.stamp)
-        # A message that was due may have ended the process.
-        may_step = self.can_publish and (self.switch is None or self.switch.is_known)
-        return may_step and not self._inputs.lacking(tick)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
