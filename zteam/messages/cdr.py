@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.errors import DecodeError, EncodeError
-from zteam.messages.definitions import Field, fields_of
-from zteam.messages.message import Message
+from zteam.messages.message import Field, Message, fields_of
 
 M = TypeVar("M", bound=Message)
 

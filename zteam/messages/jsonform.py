@@ -9,8 +9,7 @@ import msgspec
 import numpy as np
 
 from zteam.errors import UsageError
-from zteam.messages.definitions import Field, fields_of
-from zteam.messages.message import Message
+from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
 
 M = TypeVar("M", bound=Message)

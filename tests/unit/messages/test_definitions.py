@@ -3,7 +3,7 @@
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from zteam.messages import LaserScan, Message, NavigationStatus, all_types
-from zteam.messages.definitions import RULE, definition_of
+from zteam.messages.message import RULE, definition_of
 
 
 def sections(kind: type[Message]) -> dict[str, str]:
