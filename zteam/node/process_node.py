@@ -148,7 +148,7 @@ class ProcessNode:
 
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
-        self.claim.win(self._on_rival, self._win)
+        self.claim.win(self.stop.request, self._win)
         for hook in self._on_present:
             hook()
 
@@ -205,10 +205,6 @@ class ProcessNode:
     def _end_without_router(self, limit: float) -> None:
         log.error("no router for %g s: stopping, as ZTEAM_GIVE_UP says", limit)
         self.stop.request("the router is gone for good")
-
-    def _on_rival(self, info: ProcessInfo) -> None:
-        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
-        self.stop.request("another process holds the name")
 
     # Inputs
 

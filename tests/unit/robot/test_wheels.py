@@ -177,7 +177,7 @@ def test_an_older_holder_of_the_name_ends_teleop(hub: MemoryHub) -> None:
     older.serve("robot_0/info", NoRequest, lambda _: own_info("robot_0", older.instance, 1))
     older.declare_token(names.token_key("robot_0", older.instance))
     assert asked.wait(LIMIT)
-    assert stop.reason == "another process holds the name"
+    assert stop.reason.endswith(", which is older")
 
 
 @pytest.mark.parametrize("failing", [False, True])
