@@ -20,7 +20,7 @@ from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.faults import log_fault, offer_stacks
 from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 from zteam.node.tokens import CertainTokens
 from zteam.node.working import watch_process
 
@@ -398,7 +398,6 @@ def run_node(
     stop = Stop()
     offer_stacks(name, stop)
     stop.install()
-    exit_hard_later(stop)
     return run_body(name, partial(connect, options, stopping=stop), tuned, stop, clock, make)
 
 

@@ -9,7 +9,7 @@ from zteam.errors import ZteamError
 from zteam.node.launcher import report
 from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 
 log = logging.getLogger("zteam")
 
@@ -22,7 +22,6 @@ def run_router(options: RouterOptions, *, announce: bool = False) -> int:
         detach()
     stop = Stop()
     stop.install()
-    exit_hard_later(stop)
     router = open_team_router(options) if options.for_team else Router(options)
     stop.on_request(router.wake)
     try:

@@ -63,10 +63,12 @@ class Stop:
         for callback in callbacks:
             callback()
 
-    def install(self, on_repeat: Callable[[], None] = lambda: None) -> Callable[[], None]:
-        """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
+    def install(self, on_repeat: Callable[[], None] = lambda: None, hung: int | None = HUNG) -> Callable[[], None]:
+        """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals. Main thread
+        only.
 
-        Main thread only. Returns a function that gives the signals back to their former handlers.
+        From the request on, the process has HARD_EXIT seconds to end by itself, unless `hung` is None: it is the exit
+        code where a step does not return. Returns a function that undoes this, and restores the former handlers.
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
@@ -74,7 +76,19 @@ class Stop:
         descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
         before = {number: signal.signal(number, lambda *_: None) for number in (*SIGNALS, *self._on_signal)}
 
+        def end_now(code: int) -> None:
+            log.error("did not stop within %g s: ending now", HARD_EXIT)
+            logging.shutdown()
+            os._exit(code if hanging() else 1)
+
+        # Host time: the process may hang, so no other thread can wait.
+        timer = threading.Timer(HARD_EXIT, end_now, (hung,))  # noqa: TID251
+        timer.daemon = True
+        if hung is not None:
+            self.on_request(timer.start)
+
         def give_back() -> None:
+            timer.cancel()
             for number, handler in before.items():
                 signal.signal(number, signal.SIG_DFL if handler is None else handler)
             signal.set_wakeup_fd(descriptor)
@@ -112,31 +126,14 @@ class Stop:
         self.request("the launcher is gone")
 
 
-def exit_hard_later(stop: Stop, hung: int = HUNG) -> Callable[[], None]:
-    """From the stop request on, give the process HARD_EXIT seconds to end by itself; returns a function that cancels
-    this. `hung` is the exit code where a step does not return."""
-
-    def end() -> None:
-        log.error("did not stop within %g s: ending now", HARD_EXIT)
-        logging.shutdown()
-        os._exit(hung if hanging() else 1)
-
-    # Host time: the hard exit: the process may hang, so no other thread can wait.
-    timer = threading.Timer(HARD_EXIT, end)  # noqa: TID251
-    timer.daemon = True
-    stop.on_request(timer.start)
-    return timer.cancel
-
-
 @contextmanager
 def stopping_in_order(stop: Stop) -> Iterator[None]:
     """Within, signals request a stop and the process must end soon after; afterwards it is the caller's again.
 
     Main thread only.
     """
-    give_back, cancel = stop.install(), exit_hard_later(stop)
+    give_back = stop.install()
     try:
         yield
     finally:
-        cancel()
         give_back()

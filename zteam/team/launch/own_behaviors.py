@@ -16,7 +16,7 @@ from zteam.clock import HOST_FACTOR
 from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.node.launcher import Report, report
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import find_behavior, look_in
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
@@ -115,7 +115,6 @@ class Inquiry:
 def main() -> None:
     """Answer the questions on standard input."""
     stop = Stop()
-    exit_hard_later(stop)
     stop.install()
     look_in([*sys.argv[1:], ""])
     questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
