@@ -297,7 +297,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
         members = Threads(outside=outside, on_line=display.line)
         with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
             # After a second request nothing waits. Code of a behaviour that does not return holds the whole process.
-            give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED), hung=1)
+            signals = stop.install(on_repeat=lambda: os._exit(INTERRUPTED), hung=1)
             nodes = counted(len(members.parts), "node")
             work = partial(_run, team_run, display, args, nodes, " in this process")
             try:
@@ -307,7 +307,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
                 if not stop.requested:
                     raise
                 return 0
-        give_back()
+        signals.close()
     return _conclude(team_run, report, stop, args.report, members.hangs.values())
 
 

@@ -19,7 +19,7 @@ from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
-from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
 from zteam.node.working import StepWatch
@@ -482,7 +482,7 @@ def run(
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)
-    with stopping_in_order(stop):
+    with stop.install():
         code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)
     if code:
         raise SystemExit(code)
