@@ -135,14 +135,14 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> object:
 @pytest.fixture
 def own_types() -> Iterator[None]:
     """Message types that the test defines are forgotten at its end."""
-    from zteam.messages.message import REGISTERED, _offered_type
+    from zteam.messages.message import REGISTERED, import_offered
 
     before = dict(REGISTERED)
-    _offered_type.cache_clear()
+    import_offered.cache_clear()
     yield
     REGISTERED.clear()
     REGISTERED.update(before)
-    _offered_type.cache_clear()
+    import_offered.cache_clear()
 
 
 @pytest.fixture

@@ -61,7 +61,7 @@ def try_behavior(module: ModuleType, kind: type[Behavior]) -> None:
     assert not [fault for result in results for fault in result.faults]
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if not b.needs_team and not b.has_team_tests], ids=name_of
 )
@@ -82,7 +82,7 @@ def test_python_runs(block: Block, empty_folder: Path, monkeypatch: pytest.Monke
                 try_behavior(module, kind)
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("block", [*all_blocks("toml")], ids=name_of)
 def test_toml_is_right(block: Block, empty_folder: Path) -> None:
     """Team files pass the check of `zteam up`, plans of faults are read, and entry points are found by their names."""

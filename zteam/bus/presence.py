@@ -5,6 +5,7 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
+import logging
 import os
 import socket
 import threading
@@ -19,6 +20,8 @@ from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
+
+log = logging.getLogger("zteam")
 
 CLAIM_WAIT = 0.1 * HOST_FACTOR
 """Host seconds for the tokens of others to come."""
@@ -83,7 +86,7 @@ class Claim:
         self._has_lost = False
         """Whether another token has ended since this process's answer was declared."""
         self._meeting: threading.Thread | None = None
-        self._on_rival: Callable[[ProcessInfo], None] | None = None
+        self._stop: Callable[[str], None] | None = None
         self._token: Closeable | None = None
         self._released = False
         self._server = bus.serve(
@@ -108,13 +111,13 @@ class Claim:
             self._changed.notify_all()
             self._meet_aside()
 
-    def win(self, on_rival: Callable[[ProcessInfo], None], on_win: Callable[[], None] = lambda: None) -> None:
+    def win(self, stop: Callable[[str], None], on_win: Callable[[], None] = lambda: None) -> None:
         """Take the name. Raises DuplicateNameError that names the process that holds it.
 
-        `on_win()` is called before other processes can see the token. `on_rival(info)` is called later
-        if a healed network shows an older holder: this process must then stop.
+        `on_win()` is called before other processes can see the token. `stop(reason)` is called later if a healed
+        network shows an older holder: this process must then stop.
         """
-        self._on_rival = on_rival
+        self._stop = stop
         rivals, earlier = self._find_rivals()
         if rivals or earlier:
             for handle in (self._server, self._claim, *self._watches):
@@ -188,8 +191,10 @@ class Claim:
                 with self._changed:
                     is_new = rival.instance in self._unmet
                     self._unmet.discard(rival.instance)
-                if is_new and rival.is_older(self.start, self._bus.instance) and self._on_rival:
-                    self._on_rival(rival)
+                if is_new and rival.is_older(self.start, self._bus.instance) and self._stop:
+                    reason = f"{self.name} is also held by process {rival.pid} on {rival.host}, which is older"
+                    log.error("%s: stopping", reason)
+                    self._stop(reason)
             with self._changed:
                 wait_until(self._changed, lambda: self._released, ASK_AGAIN)
 

@@ -14,7 +14,7 @@ from zteam.bus import Bus
 from zteam.bus.graph import find_nodes
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
-from zteam.clock import local_time_text
+from zteam.clock import local_time_text, monotonic
 from zteam.errors import UsageError, ZteamError, printable
 from zteam.names import is_wildcard
 from zteam.node.live_line import has_color
@@ -118,8 +118,8 @@ def _follow(reader: LogReader, waiter: Waiter, as_json: bool, found: bool) -> No
         waiter.wait(reader.pending, None, "" if found else "a process")
         found = bool(reader.fetch_joined()) or found
         # Older lines of other processes may still be on their way.
-        waiter.wait(lambda: reader.left() == 0.0, reader.left(), "")
-        _print(reader.ready(), as_json)
+        waiter.wait(lambda: reader.left(monotonic()) == 0.0, reader.left(monotonic()), "")
+        _print(reader.ready(monotonic()), as_json)
 
 
 def _print(lines: Sequence[LogLine], as_json: bool) -> None:

@@ -18,9 +18,9 @@ from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
+from zteam.node.leaving import show_name
 from zteam.node.logs import LEVELS, start_logging
 from zteam.node.output import OutputError, guarded, print_line
-from zteam.node.ps_name import show_name
 
 T = TypeVar("T")
 S = TypeVar("S", bound=msgspec.Struct)

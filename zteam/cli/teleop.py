@@ -23,7 +23,7 @@ from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
 from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.output import Clean, print_block, print_line
-from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.shutdown import Stop
 from zteam.node.stopping import STOPPED
 from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot.wheels import Wheels
@@ -66,7 +66,7 @@ def _read(args: argparse.Namespace) -> None:
 
 def _teleop(args: argparse.Namespace) -> int:
     pilot, stop = Pilot(args.ids, args.speed, args.turn), Stop()
-    with stopping_in_order(stop), ExitStack() as ends:
+    with stop.install(), ExitStack() as ends:
         try:
             bus = connect(bus_options(args), patience=PATIENCE, stopping=stop)
             ends.callback(bus.close)

@@ -269,7 +269,7 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
             bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
         )
         team_run = stack.enter_context(TeamRun(members, launch, stop))
-        stop.install(on_repeat=team_run.hurry)
+        stop.install(on_repeat=team_run.hurry, hung=None)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
             report = _run(team_run, display, args, processes)
@@ -284,7 +284,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     """Run the whole team in this process, with the same lines as with one process each."""
     from zteam.cli.up_display import open_display
     from zteam.node.logs import passing_lines
-    from zteam.node.shutdown import Stop, exit_hard_later
+    from zteam.node.shutdown import Stop
     from zteam.team.run.team_run import TeamRun
     from zteam.team.run.threads import Threads
 
@@ -293,10 +293,8 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
         _give_terminal_to_debugger(display)
         members = Threads(None, bus if args.bus else None, stop, on_line=display.line)
         with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
-            # After a second request nothing waits.
-            give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
-            # Code of a behaviour that does not return holds the whole process.
-            cancel = exit_hard_later(stop, hung=1)
+            # After a second request nothing waits. Code of a behaviour that does not return holds the whole process.
+            signals = stop.install(on_repeat=lambda: os._exit(INTERRUPTED), hung=1)
             nodes = counted(len(members.parts), "node")
             work = partial(_run, team_run, display, args, nodes, " in this process")
             try:
@@ -306,8 +304,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
                 if not stop.requested:
                     raise
                 return 0
-        cancel()
-        give_back()
+        signals.close()
     return _conclude(team_run, report, stop, args.report, members.hangs.values())
 
 

@@ -7,24 +7,21 @@ are views into the payload. On the wire everything is little endian; both are re
 """
 
 import struct
-import typing
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.errors import DecodeError, EncodeError, UsageError
-from zteam.messages.message import Message
+from zteam.errors import DecodeError, EncodeError
+from zteam.messages.message import Field, Message, fields_of
 
 M = TypeVar("M", bound=Message)
 
 _CODES = {
     "bool": "B", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
 }  # fmt: skip
-_SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
-_DTYPES = {"bool": "b1", "int8": "i1", "uint8": "u1", "int32": "i4", "float32": "f4", "float64": "f8"}
 
 _MAY_BE_INFINITE = {
     "LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range",
@@ -34,8 +31,6 @@ _MAY_BE_INFINITE = {
 """Scalars that may be inf or NaN: fixed-distance rangers, lasers and bases without a limit. In any other, a NaN makes
 the payload undecodable."""
 
-_Field = tuple[str, str, Any]
-"""(kind, expression, detail); kinds: number, str, numbers (a sequence, or an array of fixed length), list."""
 _HEADER = b"\x00\x01\x00\x00"
 _MAX_PADDING = 3
 """XCDR1 writers may pad a payload to a multiple of four."""
@@ -71,43 +66,18 @@ def decode(message_type: type[M], payload: bytes) -> M:
     return message  # type: ignore[no-any-return]
 
 
-def wire_form(hint: Any, place: str) -> tuple[str, str]:
-    """What a field annotated with `hint` holds, and how many: ("float32", "") one, "n" so many, "]" any number.
-
-    Raises UsageError that names `place` for an annotation that says nothing about the wire.
-    """
-    arguments = get_args(hint)
-    base, bracket, count = "", "", ""
-    if len(arguments) == 2 and isinstance(arguments[1], str):
-        base, bracket, count = arguments[1].partition("[")
-    if base not in (_DTYPES if bracket else _CODES):
-        raise UsageError(
-            f"{place}: {hint} has no form on the wire; use float64, Float64Seq and others of zteam.messages, "
-            "str, a message type, or a list of these"
-        )
-    return base, count if count in ("", "]") else count.removesuffix("]")
-
-
-def _fields_of(message_type: type[Message], expression: str) -> list[_Field]:
-    """The type's fields in wire order, nested messages flattened."""
-    found: list[_Field] = []
-    hints = typing.get_type_hints(message_type, include_extras=True)
-    for name in message_type.__struct_fields__:
-        hint, place = hints[name], f"{expression}.{name}"
-        if get_origin(hint) is list:
-            found.append(("list", place, get_args(hint)[0]))
-        elif hint is str:
-            found.append(("str", place, None))
-        elif isinstance(hint, type) and issubclass(hint, Message):
-            found.extend(_fields_of(hint, place))
+def _flat(kind: Any, place: str) -> Iterator[tuple[str, Field, bool]]:
+    """The fields of a type in wire order, those of nested messages in their place: expression, field, and whether it is
+    a number that must be finite. A text in a list is its own only field."""
+    if kind is str:
+        yield place, Field("", "string", str, None), False
+        return
+    for field in fields_of(kind):
+        if field.is_message:
+            yield from _flat(field.kind, f"{place}.{field.name}")
         else:
-            base, count = wire_form(hint, f"{message_type.__name__}.{name}")
-            if not count:
-                finite = base.startswith("float") and f"{message_type.__name__}.{name}" not in _MAY_BE_INFINITE
-                found.append(("number", place, (_CODES[base], base == "bool", finite)))
-            else:
-                found.append(("numbers", place, (_DTYPES[base], None if count == "]" else int(count))))
-    return found
+            may_be_infinite = f"{kind.__name__}.{field.name}" in _MAY_BE_INFINITE
+            yield f"{place}.{field.name}", field, field.ros_name.startswith("float") and not may_be_infinite
 
 
 @cache
@@ -117,9 +87,10 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     for start in range(8):
         position, layout = start - len(_HEADER), order
         for code in codes:
-            padding = -position % _SIZES[code]
+            size = struct.calcsize(order + code)
+            padding = -position % size
             layout += "x" * padding + code
-            position += padding + _SIZES[code]
+            position += padding + size
         variants.append(struct.Struct(layout))
     return tuple(variants)
 
@@ -127,12 +98,15 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
 class _Source:
     """A generated function: its lines and the objects they use."""
 
-    def __init__(self) -> None:
+    def __init__(self, order: str = "<") -> None:
         self.lines: list[str] = []
         self.names: dict[str, Any] = {"np": np, "DecodeError": DecodeError}
+        self._order = order
+        self._run: list[tuple[str, str]] = []
+        """The neighbouring numbers that are not written or read yet: codes and expressions."""
 
-    def add(self, line: str) -> None:
-        self.lines.append("    " + line)
+    def add(self, *lines: str) -> None:
+        self.lines += (f"    {line}" for line in lines)
 
     def name(self, stem: str, value: Any) -> str:
         """A new name that begins with `stem` for an object."""
@@ -140,52 +114,31 @@ class _Source:
         self.names[name] = value
         return name
 
+    def dtype(self, field: Field, order: str) -> str:
+        """A name for numpy's type of a field's numbers."""
+        return self.name("D", np.dtype(order + np.dtype(field.ros_name).str[1:]))
+
+    def number(self, code: str, expression: str) -> None:
+        """One more number in the run."""
+        self._run.append((code, expression))
+
+    def end_run(self, *lines: str) -> None:
+        """Use the struct `{s}` of the run, if there is one, for its numbers `{values}` at position `p`."""
+        if self._run:
+            codes, values = zip(*self._run, strict=True)
+            structs = self.name("S", _runs("".join(codes), self._order))
+            self.add(*(line.format(s=f"{structs}[p & 7]", values=", ".join(values)) for line in lines))
+            self._run.clear()
+
     def compile(self, head: str, label: str) -> Callable[..., Any]:
         """The function; `head` is its first line, and tracebacks show `label`."""
-        code = "\n".join([head, *self.lines])
-        exec(compile(code, f"<cdr {label}>", "exec"), self.names)
-        return typing.cast(Callable[..., Any], self.names["f"])
+        exec(compile("\n".join([head, *self.lines]), f"<cdr {label}>", "exec"), self.names)
+        function: Callable[..., Any] = self.names["f"]
+        return function
 
 
-def _write(source: _Source, fields: list[_Field]) -> None:
-    """Lines that append the fields to `parts` and move `p`, the position counted with the header."""
-    run: list[tuple[str, str]] = []
-
-    def flush() -> None:
-        if run:
-            packers = source.name("S", _runs("".join(code for code, _ in run), "<"))
-            source.add(f"b = {packers}[p & 7].pack({', '.join(value for _, value in run)})")
-            source.add("parts.append(b); p += len(b)")
-            run.clear()
-
-    for number, (kind, place, detail) in enumerate(fields):
-        if kind == "number":
-            run.append((detail[0], f"{source.name('B', _truth)}({place})" if detail[1] else place))
-        elif kind == "str":
-            source.add(f"s{number} = {place}.encode() + b'\\0'")
-            run.append(("I", f"len(s{number})"))
-            flush()
-            source.add(f"parts.append(s{number}); p += len(s{number})")
-        elif kind == "numbers":
-            dtype, count = detail
-            source.add(f"a{number} = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
-            if count is None:
-                source.add(f"if a{number}.ndim != 1: raise ValueError('a sequence has one dimension')")
-                run.append(("I", f"len(a{number})"))
-            else:
-                source.add(f"if a{number}.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
-            flush()
-            if count is not None or int(dtype[1]) > 4:
-                # A length leaves the position at a multiple of 4. An empty sequence is not aligned.
-                gap = f"({len(_HEADER)} - p) % {int(dtype[1])} if len(a{number}) else 0"
-                source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
-            source.add(f"b = a{number}.tobytes(); parts.append(b); p += len(b)")
-        else:
-            run.append(("I", f"len({place})"))
-            flush()
-            writer = source.name("W", _writer(detail))
-            source.add(f"for e in {place}: p = {writer}(e, parts, p)")
-    flush()
+_PACK = "b = {s}.pack({values})", "parts.append(b); p += len(b)"
+_UNPACK = "s = {s}", "{values}, = s.unpack_from(buf, p); p += s.size"
 
 
 def _truth(value: Any) -> bool:
@@ -199,104 +152,104 @@ def _truth(value: Any) -> bool:
 def _writer(kind: Any) -> Callable[..., Any]:
     """Appends the bytes of a message, or of a text, to `parts` from position `p` on, and returns that after it."""
     source = _Source()
-    _write(source, [("str", "m", None)] if kind is str else _fields_of(kind, "m"))
+    for number, (place, field, _) in enumerate(_flat(kind, "m")):
+        if field.kind is None and field.length is None:
+            is_bool = field.ros_name == "bool"
+            source.number(_CODES[field.ros_name], f"{source.name('B', _truth)}({place})" if is_bool else place)
+        elif field.kind is None:
+            _write_numbers(source, place, field, f"a{number}")
+        elif field.length is None:
+            source.add(f"s{number} = {place}.encode() + b'\\0'")
+            source.number("I", f"len(s{number})")
+            source.end_run(*_PACK)
+            source.add(f"parts.append(s{number}); p += len(s{number})")
+        else:
+            source.number("I", f"len({place})")
+            source.end_run(*_PACK)
+            source.add(f"for e in {place}: p = {source.name('W', _writer(field.kind))}(e, parts, p)")
+    source.end_run(*_PACK)
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
 
 
-def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
-    """Lines that read the fields from `buf` at `p`, up to `end`; the variable that holds each place's value."""
-    values: dict[str, str] = {}
-    run: list[tuple[str, str]] = []
-    checks: list[str] = []
-
-    def flush() -> None:
-        if run:
-            unpackers = source.name("S", _runs("".join(code for code, _ in run), order))
-            source.add(f"s = {unpackers}[p & 7]")
-            source.add(f"{', '.join(value for _, value in run)}, = s.unpack_from(buf, p); p += s.size")
-            run.clear()
-        for check in checks:
-            source.add(check)
-        checks.clear()
-
-    finite: list[str] = []
-    for number, (kind, place, detail) in enumerate(fields):
-        value = values[place] = f"v{number}"
-        if kind == "number":
-            code, is_bool, must_be_finite = detail
-            run.append((code, value))
-            if is_bool:
-                checks.append(f"if {value} > 1: raise DecodeError('{place} is neither true nor false')")
-                checks.append(f"{value} = {value} == 1")
-            finite += [value] if must_be_finite else []
-        else:
-            if kind != "numbers" or detail[1] is None:
-                run.append(("I", "n"))
-            flush()
-            if kind == "numbers":
-                _read_numbers(source, value, detail[0], detail[1], order)
-            elif kind == "str":
-                _read_text(source, value)
-            else:
-                _read_list(source, value, detail, order)
-    flush()
-    if finite:
-        # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
-        zeros = " + ".join("0.0 * " + value for value in finite)
-        source.add(f"if {zeros} != 0.0: raise DecodeError('a number is not finite')")
-    return values
-
-
-def _read_text(source: _Source, value: str) -> None:
-    source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
-    # Some writers send the empty text without its NUL.
-    source.add(f"if n == 0: {value} = ''")
-    source.add("elif buf[p + n - 1] != 0: raise DecodeError('a text without its final NUL')")
-    source.add(f"else: {value} = str(buf[p:p + n - 1], 'utf-8'); p += n")
-
-
-def _read_numbers(source: _Source, value: str, dtype: str, count: int | None, order: str) -> None:
-    size, number = int(dtype[1]), "n" if count is None else str(count)
-    if count is not None or size > 4:
-        source.add(f"if {number}: p += ({len(_HEADER)} - p) % {size}")
-    if count is None:
-        source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
-    wire = source.name("D", np.dtype(order + dtype))
-    native = "" if order == "<" else f".astype({source.name('D', np.dtype('<' + dtype))})"
-    source.add(f"{value} = np.frombuffer(buf, {wire}, {number}, p){native}; p += {number} * {size}")
-
-
-def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
-    reader = source.name("R", _reader(kind, order))
-    if kind is str or kind.__struct_fields__:
-        # Each element takes a byte at least.
-        source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
-    source.add(f"{value} = []")
-    source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
-
-
-def _build_expression(message_type: type[Message], expression: str, values: dict[str, str], source: _Source) -> str:
-    """The expression that makes the message from the variables."""
-    hints = typing.get_type_hints(message_type, include_extras=True)
-    arguments = []
-    for name in message_type.__struct_fields__:
-        place = f"{expression}.{name}"
-        arguments.append(values[place] if place in values else _build_expression(hints[name], place, values, source))
-    return f"{source.name('T', message_type)}({', '.join(arguments)})"
+def _write_numbers(source: _Source, place: str, field: Field, array: str) -> None:
+    source.add(f"{array} = np.ascontiguousarray({place}, {source.dtype(field, '<')})")
+    if not field.length:
+        source.add(f"if {array}.ndim != 1: raise ValueError('a sequence has one dimension')")
+        source.number("I", f"len({array})")
+    else:
+        count = field.length
+        source.add(f"if {array}.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
+    source.end_run(*_PACK)
+    size = np.dtype(field.ros_name).itemsize
+    if field.length or size > 4:
+        # A length leaves the position at a multiple of 4. An empty sequence is not aligned.
+        source.add(f"n = ({len(_HEADER)} - p) % {size} if len({array}) else 0; parts.append(bytes(n)); p += n")
+    source.add(f"b = {array}.tobytes(); parts.append(b); p += len(b)")
 
 
 @cache
 def _reader(kind: Any, order: str) -> Callable[..., Any]:
     """Reads a message, or a text, from `buf` at `p`, up to `end` at most; returns it and the position after it."""
-    source = _Source()
-    if kind is str:
-        result = _read(source, [("str", "m", None)], order)["m"]
-    else:
-        values = _read(source, _fields_of(kind, "m"), order)
-        result = _build_expression(kind, "m", values, source)
-    source.add(f"return {result}, p")
+    source = _Source(order)
+    values: dict[str, str] = {}
+    checks, finite = [], []
+    for number, (place, field, must_be_finite) in enumerate(_flat(kind, "m")):
+        value = values[place] = f"v{number}"
+        if field.kind is None and field.length is None:
+            source.number(_CODES[field.ros_name], value)
+            finite += [value] * must_be_finite
+            if field.ros_name == "bool":
+                checks.append(f"if {value} > 1: raise DecodeError('{place} is neither true nor false')")
+                checks.append(f"{value} = {value} == 1")
+            continue
+        if not field.length:
+            source.number("I", "n")
+        source.end_run(*_UNPACK)
+        if field.kind is None:
+            _read_numbers(source, value, field, order)
+        elif field.length is None:
+            source.add(
+                "if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)",
+                # Some writers send the empty text without its NUL.
+                f"if n == 0: {value} = ''",
+                "elif buf[p + n - 1] != 0: raise DecodeError('a text without its final NUL')",
+                f"else: {value} = str(buf[p:p + n - 1], 'utf-8'); p += n",
+            )
+        else:
+            if field.kind is str or field.kind.__struct_fields__:
+                # Each element takes a byte at least.
+                source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
+            reader = source.name("R", _reader(field.kind, order))
+            source.add(f"{value} = []", f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
+    source.end_run(*_UNPACK)
+    source.add(*checks)
+    if finite:
+        # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
+        zeros = " + ".join("0.0 * " + value for value in finite)
+        source.add(f"if {zeros} != 0.0: raise DecodeError('a number is not finite')")
+    source.add(f"return {_construction(kind, 'm', values, source)}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
+
+
+def _read_numbers(source: _Source, value: str, field: Field, order: str) -> None:
+    size, number = np.dtype(field.ros_name).itemsize, str(field.length or "n")
+    if field.length or size > 4:
+        source.add(f"if {number}: p += ({len(_HEADER)} - p) % {size}")
+    if not field.length:
+        source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
+    native = "" if order == "<" else f".astype({source.dtype(field, '<')})"
+    source.add(
+        f"{value} = np.frombuffer(buf, {source.dtype(field, order)}, {number}, p){native}; p += {number} * {size}"
+    )
+
+
+def _construction(kind: Any, place: str, values: dict[str, str], source: _Source) -> str:
+    """The expression that makes the message from the variables in `values`."""
+    if place in values:
+        return values[place]
+    arguments = [_construction(each.kind, f"{place}.{each.name}", values, source) for each in fields_of(kind)]
+    return f"{source.name('T', kind)}({', '.join(arguments)})"
 
 
 def adopt(message: M) -> M:
@@ -320,18 +273,15 @@ def _read_only(value: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
 @cache
 def _adopter(kind: Any) -> Callable[[Any], None] | None:
     """Changes the message itself; None for a type of which nothing is to be changed."""
-    if kind is str:
-        return None
     source = _Source()
     narrow = []
-    for field, place, detail in _fields_of(kind, "m"):
-        if field == "number" and detail[0] == "f":
-            narrow.append(place)
-        elif field == "list" and (adopter := _adopter(detail)) is not None:
+    for place, field, _ in _flat(kind, "m"):
+        if field.length is None:
+            narrow += [place] * (field.ros_name == "float32")
+        elif field.kind is None:
+            source.add(f"{place} = {source.name('Q', _read_only)}({place}, {source.dtype(field, '<')})")
+        elif (adopter := _adopter(field.kind)) is not None:
             source.add(f"for e in {place}: {source.name('R', adopter)}(e)")
-        elif field == "numbers":
-            dtype = source.name("D", np.dtype("<" + detail[0]))
-            source.add(f"{place} = {source.name('Q', _read_only)}({place}, {dtype})")
     if narrow:
         packer = source.name("S", struct.Struct(f"<{len(narrow)}f"))
         source.add(f"{', '.join(narrow)}, = {packer}.unpack({packer}.pack({', '.join(narrow)}))")

@@ -1,11 +1,13 @@
 """Types of geometry_msgs and tf2_msgs, as in ROS 2 Jazzy."""
 
+from functools import lru_cache
 from typing import ClassVar
 
 import msgspec
 
+from zteam import names
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
-from zteam.messages.std_msgs import Header
+from zteam.messages.std_msgs import Stamped, ns_from_time
 
 
 class Vector3(Message):
@@ -47,24 +49,21 @@ class PoseWithCovariance(Message):
     covariance: Covariance = zeros("float64", 36)
 
 
-class PoseStamped(Message):
+class PoseStamped(Stamped):
     """A pose in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     pose: Pose = msgspec.field(default_factory=Pose)
 
 
-class PoseWithCovarianceStamped(Message):
+class PoseWithCovarianceStamped(Stamped):
     """A pose and its covariance in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
 
 
-class PoseArray(Message):
+class PoseArray(Stamped):
     """Poses in one frame at one time, such as the particles of a localiser."""
 
-    header: Header = msgspec.field(default_factory=Header)
     poses: list[Pose] = msgspec.field(default_factory=list)
 
 
@@ -82,24 +81,21 @@ class Polygon(Message):
     points: list[Point32] = msgspec.field(default_factory=list)
 
 
-class PolygonStamped(Message):
+class PolygonStamped(Stamped):
     """An outline in a frame at a time, such as a robot's footprint."""
 
-    header: Header = msgspec.field(default_factory=Header)
     polygon: Polygon = msgspec.field(default_factory=Polygon)
 
 
-class PointStamped(Message):
+class PointStamped(Stamped):
     """A point in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     point: Point = msgspec.field(default_factory=Point)
 
 
-class Vector3Stamped(Message):
+class Vector3Stamped(Stamped):
     """A direction or a difference in a frame at a time: turned by transforms, not moved."""
 
-    header: Header = msgspec.field(default_factory=Header)
     vector: Vector3 = msgspec.field(default_factory=Vector3)
 
 
@@ -110,10 +106,9 @@ class Twist(Message):
     angular: Vector3 = msgspec.field(default_factory=Vector3)
 
 
-class TwistStamped(Message):
+class TwistStamped(Stamped):
     """A velocity in a frame at a time."""
 
-    header: Header = msgspec.field(default_factory=Header)
     twist: Twist = msgspec.field(default_factory=Twist)
 
 
@@ -131,10 +126,9 @@ class Transform(Message):
     rotation: Quaternion = msgspec.field(default_factory=Quaternion)
 
 
-class TransformStamped(Message):
+class TransformStamped(Stamped):
     """The pose of `child_frame_id` in `header.frame_id` at `header.stamp`."""
 
-    header: Header = msgspec.field(default_factory=Header)
     child_frame_id: str = ""
     transform: Transform = msgspec.field(default_factory=Transform)
 
@@ -144,3 +138,17 @@ class TFMessage(Message):
 
     ros_type: ClassVar[str] = "tf2_msgs/msg/TFMessage"
     transforms: list[TransformStamped] = msgspec.field(default_factory=list)
+
+
+@lru_cache(maxsize=4096)
+def is_base(frame: str) -> bool:
+    """Whether a frame of the team's tree is the base of a robot."""
+    return names.is_robot_frame(names.strip_slash(frame), names.BASE_FOOTPRINT)
+
+
+def bases_stamp(message: TFMessage) -> int:
+    """The stamp (ns) of the last base in a message of `tf`, which tells its tick; 0 without one.
+
+    Frames of other processes do not: their stamps may be of the tick before, or of the future.
+    """
+    return next((ns_from_time(t.header.stamp) for t in reversed(message.transforms) if is_base(t.child_frame_id)), 0)

@@ -3,15 +3,13 @@
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from functools import cache
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
 from zteam.errors import UsageError
-from zteam.messages.cdr import wire_form
-from zteam.messages.message import Message
+from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
 
 M = TypeVar("M", bound=Message)
@@ -21,37 +19,26 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
     (Header, "auto"): Header,
 }
 """The words for the time, by the type in whose place they stand, and what they become."""
-
-
 _MAX_FLOAT32 = float(np.finfo(np.float32).max)
 
 
-def to_plain(value: Any) -> Any:
-    """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None."""
+def to_plain(value: Any, *, is_float32: bool = False) -> Any:
+    """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None.
+
+    A float32 is the shortest decimal that is the same float32: 0.1, not 0.10000000149.
+    """
     if isinstance(value, Message):
-        short = _float32_fields(type(value))
-        plain = {name: to_plain(getattr(value, name)) for name in value.__struct_fields__}
-        return {name: _shortened(item) if name in short else item for name, item in plain.items()}
+        shorts = {field.name: field.ros_name == "float32" for field in fields_of(type(value))}
+        return {name: to_plain(getattr(value, name), is_float32=short) for name, short in shorts.items()}
     if isinstance(value, np.ndarray):
-        if value.dtype == np.float32:
-            return [_shortened(x) if math.isfinite(x) else None for x in value]
-        return [x if math.isfinite(x) else None for x in value.tolist()]
+        return to_plain(value.tolist(), is_float32=is_float32) if value.dtype.kind == "f" else value.tolist()
     if isinstance(value, list):
-        return [to_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
+        return [to_plain(item, is_float32=is_float32) for item in value]
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
         return None
-    return value
-
-
-@cache
-def _float32_fields(kind: type[Message]) -> frozenset[str]:
-    hints = get_type_hints(kind, include_extras=True)
-    return frozenset(name for name, hint in hints.items() if get_args(hint)[1:] == ("float32",))
-
-
-def _shortened(value: Any) -> Any:
-    """A float32 as the shortest decimal that is the same float32: 0.1, not 0.10000000149."""
-    return value if value is None or abs(value) > _MAX_FLOAT32 else float(str(np.float32(value)))
+    return float(str(np.float32(value))) if is_float32 and abs(value) <= _MAX_FLOAT32 else value
 
 
 def to_json(message: Message) -> bytes:
@@ -99,18 +86,17 @@ def _read(kind: type[Message], text: str) -> Any:
 
 def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None) -> M:
     """The message of type `kind` from dicts and lists. As in ROS 1, a list can hold all fields of a nested message."""
-    where = path or kind.__name__
+    where, fields = path or kind.__name__, {field.name: field for field in fields_of(kind)}
     if isinstance(plain, str) and now is not None and (stamp := _STAMPS.get((kind, plain))):
         plain = to_plain(stamp(now()))
     if isinstance(plain, list) and path:
         plain = _by_name(kind, plain, where)
     if not isinstance(plain, dict):
-        raise UsageError(f"{where}: expected fields such as {{{', '.join(kind.__struct_fields__)}}}, got {plain!r}")
-    unknown = [str(name) for name in plain if name not in kind.__struct_fields__]
+        raise UsageError(f"{where}: expected fields such as {{{', '.join(fields)}}}, got {plain!r}")
+    unknown = [str(name) for name in plain if name not in fields]
     if unknown:
-        raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(kind.__struct_fields__)}")
-    hints = get_type_hints(kind, include_extras=True)
-    return kind(**{name: _value(hints[name], item, f"{where}.{name}", now) for name, item in plain.items()})
+        raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(fields)}")
+    return kind(**{name: _value(fields[name], item, f"{where}.{name}", now) for name, item in plain.items()})
 
 
 def _by_name(kind: type[Message], values: list[Any], where: str) -> dict[str, Any]:
@@ -120,42 +106,38 @@ def _by_name(kind: type[Message], values: list[Any], where: str) -> dict[str, An
     return dict(zip(fields, values, strict=True))
 
 
-def _value(hint: Any, item: Any, path: str, now: Now | None) -> Any:
-    if isinstance(hint, type) and issubclass(hint, Message):
-        return from_plain(hint, item, path, now)
-    if get_origin(hint) is list:
+def _value(field: Field, item: Any, path: str, now: Now | None) -> Any:
+    if field.length is not None:
         if not isinstance(item, list):
             raise UsageError(f"{path}: expected a list, got {item!r}")
-        return [_value(get_args(hint)[0], entry, f"{path}[{i}]", now) for i, entry in enumerate(item)]
-    if hint is str:
-        if not isinstance(item, str):
-            raise UsageError(f"{path}: expected a text, got {item!r}")
-        return item
-    base, count = wire_form(hint, path)
-    if not count:
-        return _number(base, item, path)
-    if not isinstance(item, list):
-        raise UsageError(f"{path}: expected a list of numbers, got {item!r}")
-    if count != "]" and len(item) != int(count):
-        raise UsageError(f"{path}: expected {count} numbers, got {len(item)}")
-    return np.array([_number(base, entry, f"{path}[{i}]") for i, entry in enumerate(item)], dtype=base)
+        if field.length and len(item) != field.length:
+            raise UsageError(f"{path}: expected {field.length} numbers, got {len(item)}")
+        single = field._replace(length=None)
+        values = [_value(single, entry, f"{path}[{i}]", now) for i, entry in enumerate(item)]
+        return values if field.kind is not None else np.array(values, field.ros_name)
+    if field.is_message:
+        return from_plain(field.kind, item, path, now)
+    if field.kind is not str:
+        return _number(field.ros_name, item, path)
+    if not isinstance(item, str):
+        raise UsageError(f"{path}: expected a text, got {item!r}")
+    return item
 
 
 def _number(base: str, item: Any, path: str) -> Any:
+    is_number = isinstance(item, int | float) and not isinstance(item, bool)
     if base == "bool":
-        if not isinstance(item, bool):
-            raise UsageError(f"{path}: expected true or false, got {item!r}")
-        return item
-    if isinstance(item, bool) or not isinstance(item, int | float):
-        if item is None and base.startswith("float"):
-            return math.nan
-        raise UsageError(f"{path}: expected a number, got {item!r}")
-    if base.startswith("float"):
-        try:
-            return float(item)
-        except OverflowError:
-            raise UsageError(f"{path}: expected a number below 1.8e308") from None
-    limits = np.iinfo(base)
-    if not (isinstance(item, int) or item.is_integer()) or not limits.min <= item <= limits.max:
-        raise UsageError(f"{path}: expected a whole number from {limits.min} to {limits.max}, got {item!r}")
-    return int(item)
+        expected = "true or false"
+        if isinstance(item, bool):
+            return item
+    elif base.startswith("float"):
+        expected = "a number below 1.8e308" if is_number else "a number"
+        with contextlib.suppress(OverflowError):
+            if is_number or item is None:
+                return math.nan if item is None else float(item)
+    else:
+        limits = np.iinfo(base)
+        expected = f"a whole number from {limits.min} to {limits.max}"
+        if is_number and limits.min <= item <= limits.max and item == int(item):
+            return int(item)
+    raise UsageError(f"{path}: expected {expected}, got {item!r}")

@@ -1,9 +1,9 @@
-"""What every message type is made of: base class, forms of fields on the wire, defaults of arrays; types by name."""
+"""What every message type is made of: base class, fields and their forms on the wire, defaults; types by name."""
 
 import difflib
 import logging
 from functools import cache, lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -30,6 +30,12 @@ Float64Seq = Annotated[NDArray[np.float64], "float64[]"]
 Float32Seq = Annotated[NDArray[np.float32], "float32[]"]
 Covariance = Annotated[NDArray[np.float64], "float64[36]"]
 Covariance3 = Annotated[NDArray[np.float64], "float64[9]"]
+
+RULE = "=" * 80
+"""Above each type that another one holds."""
+_NUMBERS = {"bool", "int8", "uint8", "int32", "uint32", "uint64", "float32", "float64"}
+_IN_ARRAYS = _NUMBERS - {"uint32", "uint64"}
+_COUNTS = {None: "", 0: "[]"}
 
 
 @cache
@@ -64,7 +70,7 @@ class Message(msgspec.Struct, eq=False, gc=False):
         if "ros_type" not in vars(cls) and package == __package__:
             cls.ros_type = f"{module}/msg/{cls.__name__}"
         # Only the name: the class has no fields yet. Its codec is generated at its first use.
-        if "ros_type" in vars(cls):
+        if vars(cls).get("ros_type"):
             _register(cls)
 
     def __eq__(self, other: object) -> bool:
@@ -95,6 +101,72 @@ def _same(a: Any, b: Any) -> bool:
     return bool(np.array_equal(a, b, equal_nan=True)) if isinstance(a, np.ndarray) else bool(a == b)
 
 
+class Field(NamedTuple):
+    """One field of a message type."""
+
+    name: str
+    ros_name: str
+    """ROS's name of what it holds, such as `float32`, `string` or `std_msgs/Header`."""
+    kind: Any
+    """`str` or a message type; None for numbers."""
+    length: int | None
+    """How many: None for a single one, 0 for any number."""
+
+    @property
+    def is_message(self) -> bool:
+        """Whether it is one message."""
+        return self.length is None and self.kind not in (None, str)
+
+
+@cache
+def fields_of(kind: type[Message]) -> tuple[Field, ...]:
+    """The fields of a type in wire order. Raises UsageError for one without a form on the wire."""
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(_field(name, hints[name], f"{kind.__name__}.{name}") for name in kind.__struct_fields__)
+
+
+def _field(name: str, hint: Any, place: str) -> Field:
+    if get_origin(hint) is list:
+        return _field(name, get_args(hint)[0], place)._replace(length=0)
+    if hint is str:
+        return Field(name, "string", str, None)
+    if isinstance(hint, type) and issubclass(hint, Message):
+        return Field(name, _short(hint), hint, None)
+    form = next((each for each in get_args(hint)[1:] if isinstance(each, str)), "")
+    base, bracket, count = form.partition("[")
+    if base not in (_IN_ARRAYS if bracket else _NUMBERS):
+        raise UsageError(
+            f"{place}: {hint} has no form on the wire; use float64, Float64Seq and others of zteam.messages, "
+            "str, a message type, or a list of these"
+        )
+    return Field(name, base, None, int(count.removesuffix("]") or 0) if bracket else None)
+
+
+@cache
+def definition_of(kind: type[Message]) -> str:
+    """The type's fields as in ROS 2's `.msg` files, then those of all types that it holds, as in `ros2msg` schemas.
+
+    A foreign reader decodes zteam's bytes by it. Constants are left out.
+    """
+    texts: dict[type[Message], str] = {}
+
+    def describe(held: Any) -> None:
+        if held not in (None, str, *texts):
+            fields = fields_of(held)
+            counts = (_COUNTS.get(each.length, f"[{each.length}]") for each in fields)
+            texts[held] = "".join(f"{each.ros_name}{n} {each.name}\n" for each, n in zip(fields, counts, strict=True))
+            for each in fields:
+                describe(each.kind)
+
+    describe(kind)
+    first, *others = texts.items()
+    return first[1] + "".join(f"{RULE}\nMSG: {_short(each)}\n{text}" for each, text in others)
+
+
+def _short(kind: type[Message]) -> str:
+    return kind.ros_type.replace("/msg/", "/")
+
+
 def all_types() -> dict[str, type[Message]]:
     """Every message type that is imported by now, by its full ROS name, sorted."""
     return dict(sorted(REGISTERED.items()))
@@ -113,7 +185,7 @@ def message_type(name: str) -> type[Message]:
             load_offered(MESSAGES, parts[0])
         else:
             for package in offered(MESSAGES):
-                _import_offered(package)
+                import_offered(package)
         found = _by_parts(parts)
     if found is not None:
         return found
@@ -143,21 +215,17 @@ def type_of_encoding(encoding: str) -> type[Message] | None:
     prefix, _, name = encoding.partition(";")
     if prefix != "application/cdr":
         return None
-    return REGISTERED.get(name) or _offered_type(name)
-
-
-@lru_cache(maxsize=1024)
-def _offered_type(name: str) -> type[Message] | None:
-    """The type called `name` of the package that offers its ROS package; None if there is none, or it is broken.
-
-    Tools ask once for each message they see, so the answer is kept.
-    """
-    _import_offered(name.partition("/")[0])
+    if name not in REGISTERED:
+        import_offered(name.partition("/")[0])
     return REGISTERED.get(name)
 
 
-def _import_offered(package: str) -> None:
-    """Import the message types of `package`; a broken package is logged, because others may have the type."""
+@lru_cache(maxsize=1024)
+def import_offered(package: str) -> None:
+    """Import the message types of `package`; a broken package is logged, because others may have the type.
+
+    Tools ask once for each message they see, so it is tried once.
+    """
     try:
         load_offered(MESSAGES, package)
     except UsageError as error:

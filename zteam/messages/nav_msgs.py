@@ -4,13 +4,12 @@ import msgspec
 
 from zteam.messages.geometry_msgs import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
 from zteam.messages.message import Int8Seq, Message, float32, uint32, zeros
-from zteam.messages.std_msgs import Header, Time
+from zteam.messages.std_msgs import Stamped, Time
 
 
-class Odometry(Message):
+class Odometry(Stamped):
     """Pose of `child_frame_id` in `header.frame_id` and velocity in `child_frame_id`."""
 
-    header: Header = msgspec.field(default_factory=Header)
     child_frame_id: str = ""
     pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
     twist: TwistWithCovariance = msgspec.field(default_factory=TwistWithCovariance)
@@ -26,16 +25,14 @@ class MapMetaData(Message):
     origin: Pose = msgspec.field(default_factory=Pose)
 
 
-class OccupancyGrid(Message):
+class OccupancyGrid(Stamped):
     """A map, row by row from the origin: 0 free, 100 occupied, -1 unknown."""
 
-    header: Header = msgspec.field(default_factory=Header)
     info: MapMetaData = msgspec.field(default_factory=MapMetaData)
     data: Int8Seq = zeros("int8")
 
 
-class Path(Message):
+class Path(Stamped):
     """Poses to pass, from the first to the last."""
 
-    header: Header = msgspec.field(default_factory=Header)
     poses: list[PoseStamped] = msgspec.field(default_factory=list)

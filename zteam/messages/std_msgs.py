@@ -32,6 +32,13 @@ class Header(Message):
     frame_id: str = ""
 
 
+class Stamped(Message):
+    """Base of messages that begin with a header; no type of its own."""
+
+    ros_type: ClassVar[str] = ""
+    header: Header = msgspec.field(default_factory=Header)
+
+
 class Bool(Message):
     """A truth value."""
 

@@ -5,7 +5,7 @@ import msgspec
 from zteam.messages.geometry_msgs import Point, Pose, Vector3
 from zteam.messages.message import Message, Uint8Seq, bool_, float32, int32, zeros
 from zteam.messages.sensor_msgs import CompressedImage
-from zteam.messages.std_msgs import ColorRGBA, Duration, Header
+from zteam.messages.std_msgs import ColorRGBA, Duration, Stamped
 
 
 class UVCoordinate(Message):
@@ -22,10 +22,9 @@ class MeshFile(Message):
     data: Uint8Seq = zeros("uint8")
 
 
-class Marker(Message):
+class Marker(Stamped):
     """Something to draw; `type` is one of MarkerType, `action` one of MarkerAction."""
 
-    header: Header = msgspec.field(default_factory=Header)
     ns: str = ""
     id: int32 = 0
     type: int32 = 0

@@ -19,7 +19,7 @@ from zteam.messages.message import (
     uint64,
     zeros,
 )
-from zteam.messages.std_msgs import ColorRGBA, Duration, Header, Time
+from zteam.messages.std_msgs import ColorRGBA, Duration, Stamped, Time
 
 
 class Fiducial(Message):
@@ -31,17 +31,15 @@ class Fiducial(Message):
     orientation: float32 = 0.0
 
 
-class Fiducials(Message):
+class Fiducials(Stamped):
     """All that a fiducial finder sees."""
 
-    header: Header = msgspec.field(default_factory=Header)
     fiducials: list[Fiducial] = msgspec.field(default_factory=list)
 
 
-class Bumper(Message):
+class Bumper(Stamped):
     """Which pieces of a robot's bumpers are pressed, in file order."""
 
-    header: Header = msgspec.field(default_factory=Header)
     pressed: BoolSeq = zeros("bool")
 
 
@@ -55,14 +53,13 @@ class Blob(Message):
     range: float32 = 0.0
 
 
-class Blobs(Message):
+class Blobs(Stamped):
     """All that a blob finder sees, from right to left."""
 
-    header: Header = msgspec.field(default_factory=Header)
     blobs: list[Blob] = msgspec.field(default_factory=list)
 
 
-class RobotStatus(Message):
+class RobotStatus(Stamped):
     """What one robot says of itself; `state` is one of RobotState.
 
     `behavior` and `leader` (-1 = none) are what it was started with. `follows` is the robot that it follows now (-1 =
@@ -74,7 +71,6 @@ class RobotStatus(Message):
     (-1 = none). `goal_state` is one of NavigationState.
     """
 
-    header: Header = msgspec.field(default_factory=Header)
     robot_id: int32 = 0
     is_ready: bool_ = False
     state: uint8 = 0
@@ -99,13 +95,12 @@ class RobotStatus(Message):
         return self.follows if self.turns >= 0 else self.leader
 
 
-class TeamStatus(Message):
+class TeamStatus(Stamped):
     """What the monitor says of the team; `state` is one of TeamState, GO holds from `go_stamp` on.
 
     `waiting_for` says in words what the gate waits for; it is empty after GO.
     """
 
-    header: Header = msgspec.field(default_factory=Header)
     state: uint8 = 0
     epoch: uint32 = 0
     go_stamp: Time = msgspec.field(default_factory=Time)
@@ -153,7 +148,7 @@ class NavigationState(IntEnum):
     CANCELED = 6
 
 
-class NavigationStatus(Message):
+class NavigationStatus(Stamped):
     """How far a robot is on its way to a goal; `state` is one of NavigationState.
 
     `goal` is the newest goal, as it was sent; it stays when the robot has arrived or given up. `distance_remaining` are
@@ -161,7 +156,6 @@ class NavigationStatus(Message):
     `recoveries` counts those for this goal. `text` says why the robot does not get on, or why it has given up.
     """
 
-    header: Header = msgspec.field(default_factory=Header)
     state: uint8 = 0
     goal: PoseStamped = msgspec.field(default_factory=PoseStamped)
     distance_remaining: float64 = 0.0

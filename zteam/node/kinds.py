@@ -49,61 +49,26 @@ class Kind(msgspec.Struct, frozen=True):
 
 
 ROUTER_KIND = Kind(
-    title="router",
-    name=ROUTER,
-    command="zteam-router",
-    stop_rank=3,
-    hint="start anything of zteam (it brings a router), or 'zteam-router'",
-    required_to_finish=True,
-    on_bus=False,
-)
+    "router", ROUTER, "zteam-router", 3, "start anything of zteam (it brings a router), or 'zteam-router'",
+    required_to_finish=True, on_bus=False,
+)  # fmt: skip
 
 KINDS: tuple[Kind, ...] = (
     ROUTER_KIND,
     # The simulator takes longest to start, so it is started first. Robots stop before it: their last command, a zero
     # velocity, must reach the wheels.
     Kind(
-        title="simulator",
-        name=names.SIMULATOR,
-        command="zteam-sim",
-        stop_rank=2,
-        hint="zteam-sim WORLD (or real robots that publish the same keys)",
+        "simulator", names.SIMULATOR, "zteam-sim", 2, "zteam-sim WORLD (or real robots that publish the same keys)",
         required_to_finish=True,
     ),
-    Kind(
-        title="map",
-        name=names.MAP_SERVER,
-        command="zteam-map",
-        stop_rank=1,
-        # Without a hint, because few teams need one: `zteam doctor` names it where the map is missing.
-    ),
-    Kind(title="transforms", name=names.AGGREGATOR, command="zteam-tf", stop_rank=1, hint="zteam-tf", in_lockstep=True),
-    Kind(
-        title="monitor",
-        name=names.MONITOR,
-        command="zteam-monitor",
-        stop_rank=1,
-        hint="zteam-monitor --team-size {robots}",
-    ),
-    Kind(
-        title="navigation",
-        name=NAVIGATION,
-        command="zteam-nav",
-        stop_rank=0,
-        in_lockstep=True,
-        robot_id_of=names.navigated_robot_of,
-    ),
-    Kind(
-        title="robots",
-        name=ROBOT,
-        command="zteam-robot",
-        stop_rank=0,
-        hint="zteam-robot --id 0",
-        in_lockstep=True,
-        robot_id_of=names.robot_id_of,
-    ),
-    Kind(title="view", name=names.VIEW, command="zteam-view", stop_rank=0, optional=True, matches=names.is_view),
-)
+    # Few teams need a map server: `zteam doctor` names it where the map is missing.
+    Kind("map", names.MAP_SERVER, "zteam-map", 1),
+    Kind("transforms", names.AGGREGATOR, "zteam-tf", 1, "zteam-tf", in_lockstep=True),
+    Kind("monitor", names.MONITOR, "zteam-monitor", 1, "zteam-monitor --team-size {robots}"),
+    Kind("navigation", NAVIGATION, "zteam-nav", 0, in_lockstep=True, robot_id_of=names.navigated_robot_of),
+    Kind("robots", ROBOT, "zteam-robot", 0, "zteam-robot --id 0", in_lockstep=True, robot_id_of=names.robot_id_of),
+    Kind("view", names.VIEW, "zteam-view", 0, optional=True, matches=names.is_view),
+)  # fmt: skip
 """In the order of starting."""
 
 

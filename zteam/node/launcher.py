@@ -72,10 +72,8 @@ class Restarted(msgspec.Struct, frozen=True):
 
 def restarts_text(restarts: Mapping[str, Restarted]) -> str:
     """In one line; empty if there are none."""
-    told = [f"{name} {_times(restarted)}" for name, restarted in sorted(restarts.items())]
+    told = []
+    for name, each in sorted(restarts.items()):
+        back = "" if each.seconds is None else f" (back after {each.seconds:.1f} s)"
+        told.append(f"{name} {counted(each.count, 'time')}{back}")
     return f"started again: {', '.join(told)}" if told else ""
-
-
-def _times(restarted: Restarted) -> str:
-    times, seconds = counted(restarted.count, "time"), restarted.seconds
-    return times if seconds is None else f"{times} (back after {seconds:.1f} s)"

@@ -3,7 +3,6 @@
 import os
 import sys
 import threading
-import unicodedata
 from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr
 from itertools import starmap
@@ -33,12 +32,6 @@ def has_color(stream: TextIO) -> bool:
 
 Paint = Callable[[int, str], str]
 """What is written for a line: it gets the line's number, and the part of it for which there is room."""
-
-
-def _narrow(text: str) -> str:
-    """The text with escapes for characters of two columns, or of none: they would break the lines."""
-    wide = {c for c in text if unicodedata.east_asian_width(c) in "FW" or unicodedata.category(c)[0] == "M"}
-    return "".join(ascii(c)[1:-1] if c in wide else c for c in text)
 
 
 class LiveLine:
@@ -74,9 +67,7 @@ class LiveLine:
     def show(self, text: str, paint: Paint | None = None) -> None:
         """Show `text` from now on, as far as there is room; in bold, or with the colours of `paint`."""
         with self._lock:
-            encoding = self._stream.encoding or "ascii"
-            self._text = _narrow(text).encode(encoding, "backslashreplace").decode(encoding)
-            self._paint = paint
+            self._text, self._paint = text, paint
             self._write("", self._stream)
 
     def leave(self) -> None:

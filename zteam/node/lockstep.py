@@ -13,6 +13,7 @@ from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
+from zteam.node.tokens import CertainTokens
 
 log = logging.getLogger("zteam")
 
@@ -38,12 +39,12 @@ class Ticks:
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
-        node.watch_certain_tokens(names.lockstep_key("*"), self._on_token)
+        CertainTokens(node.bus, names.lockstep_key("*"), node.handler(self._on_token))
 
     def listen(self) -> None:
         """Receive ticks; nothing if they are received already."""
         if self._input is None:
-            self._input = self._node.subscribe_from(names.TICK, Tick, self._on_tick)
+            self._input = self._node.bus.subscribe_from(names.TICK, Tick, self._node.handler(self._on_tick))
 
     def deafen(self) -> None:
         """Receive no ticks until `listen`."""
@@ -110,7 +111,7 @@ class TickState(Enum):
 
 
 class Participant:
-    """A process's part in the ticks: `begin` returns the open one once its inputs are there, and `answer` ends it.
+    """A process's part in the ticks: the open one waits for `begin`, once its inputs are there, and `answer` ends it.
     Without a simulator in lock-step it does nothing. The protocol in words: docs/time.md.
 
     All is called under `node.changed`.
@@ -133,20 +134,14 @@ class Participant:
     gives_away = False
     """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
-    def __init__(self, node: ProcessNode, ready: Callable[[Tick], bool], lacks: Callable[[Tick], list[str]]) -> None:
-        """`ready(tick)`: whether the inputs of that tick are there. `lacks(tick)`: the keys whose message of that tick
-        has not come; asked without the lock, for the log.
-        """
+    def __init__(self, node: ProcessNode) -> None:
         self._node = node
-        self._ready = ready
-        self._lacks = lacks
         self.repeat: Callable[[], None] = lambda: None
         """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
-        node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
         self.ticks = Ticks(node, self._on_tick, self._forget)
@@ -158,16 +153,12 @@ class Participant:
         """Whether this is lock-step, or is going to be: then nothing may be done at other times than those of ticks."""
         return self.tick is not None or bool(self.ticks.simulators)
 
-    def begin(self) -> Tick | None:
-        """The open tick, if its last input has come; the caller answers it."""
-        tick = self.tick
-        if tick is None or self.state is not TickState.OPEN or not self._ready(tick):
-            return None
+    def begin(self) -> None:
+        """The step of the open tick begins, whose last input has come."""
         self.state, self._begun = TickState.ACTING, monotonic()
-        return tick
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
-        """Answer the tick that `begin` has returned, a robot with its command."""
+        """Answer the tick whose step has begun, a robot with its command."""
         if command is None:
             self._answer = Done(tick.epoch, tick.tick)
             self._done.put_owned(self._answer)
@@ -181,10 +172,6 @@ class Participant:
     def _timing(self) -> RoundTiming:
         count = max(1, len(self._acts))
         return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
-
-    def _lacking(self) -> Lacking:
-        tick = self.tick
-        return Lacking(self._lacks(tick) if tick is not None and self.state is TickState.OPEN else [])
 
     def _on_tick(self, tick: Tick) -> None:
         if not self._node.can_publish:

@@ -1,6 +1,7 @@
 """The logs of processes on the bus: what they keep, and each new line."""
 
 import logging
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
@@ -14,12 +15,9 @@ from zteam.node.logs import KEEPER, KEPT, LogLine
 
 HOLD = 0.2
 """Host seconds for which a new line waits for older ones of other processes."""
-_MOST_ASKED = 16
-"""Processes that have joined and are asked one by one: any program may hold tokens, of any names."""
-_REMEMBERED = 10 * KEPT
-"""Lines of a process that are known again; a history repeats the newest KEPT of those that came before."""
-_PROCESSES = 1000
-"""Processes whose lines are known again."""
+_LINES = list[LogLine]
+_REMEMBERED = 1000 * KEPT
+"""Lines that are known again; a history repeats the newest KEPT of a process."""
 
 
 def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[LogLine]:
@@ -36,7 +34,7 @@ def level_name(level: int) -> str:
 
 
 class LogOrder:
-    """Puts the lines of many processes in order of time, each once. Pure: the caller passes the host's time.
+    """Puts the lines of many processes in order of time, each once. The caller passes the host's time. Thread-safe.
 
     Lines of different processes arrive a little out of order, so each is held for `hold` seconds. A line that is older
     than one handed out before comes late: it is handed out next.
@@ -44,21 +42,20 @@ class LogOrder:
 
     def __init__(self, hold: float) -> None:
         self._hold = hold
+        self._lock = threading.Lock()
         self._waiting: list[tuple[LogLine, float]] = []
         """Each with the host time at which it must wait no longer."""
-        self._known: dict[str, dict[LogLine, None]] = {}
+        self._known: dict[LogLine, None] = {}
 
     def take(self, lines: Sequence[LogLine], now: float) -> None:
         """Lines came at host time `now`; those that are known are skipped."""
-        for line in map(LogLine.cut, lines):
-            known = self._known.setdefault(line.process, {})
-            if len(self._known) > _PROCESSES:
-                del self._known[next(iter(self._known))]
-            if line not in known:
-                known[line] = None
-                self._waiting.append((line, now + self._hold))
-                if len(known) > _REMEMBERED:
-                    del known[next(iter(known))]
+        with self._lock:
+            for line in map(LogLine.cut, lines):
+                if line not in self._known:
+                    self._known[line] = None
+                    self._waiting.append((line, now + self._hold))
+                    if len(self._known) > _REMEMBERED:
+                        del self._known[next(iter(self._known))]
 
     @property
     def waiting(self) -> bool:
@@ -71,11 +68,10 @@ class LogOrder:
 
     def ready(self, now: float) -> list[LogLine]:
         """Hand out the lines that have waited long enough, and all older ones, in order of time."""
-        newest = max((line.time_ns for line, until in self._waiting if until <= now), default=None)
-        if newest is None:
-            return []
-        ready = [line for line, _ in self._waiting if line.time_ns <= newest]
-        self._waiting = [entry for entry in self._waiting if entry[0].time_ns > newest]
+        with self._lock:
+            newest = max((line.time_ns for line, until in self._waiting if until <= now), default=-math.inf)
+            ready = [line for line, _ in self._waiting if line.time_ns <= newest]
+            self._waiting = [entry for entry in self._waiting if entry[0].time_ns > newest]
         return sorted(ready, key=lambda line: line.time_ns)
 
 
@@ -85,9 +81,8 @@ class LogPublisher:
     def __init__(self, bus: Bus, name: str) -> None:
         self._name = name
         self._publisher = bus.publisher(names.log_key(name), Log)
-        self._first_sent: int | None = None
-        """Stamp of the first line that was sent, ns."""
-        self._caught_up = False
+        self._sent = float("inf")
+        """Stamp (ns) of the first line that was sent; 0 once those before it were sent, too."""
         self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
         self._forget = KEEPER.pass_to(self._send)
 
@@ -102,17 +97,14 @@ class LogPublisher:
 
         A process that ends soon after its start may be gone before a reader asks it.
         """
-        if self._caught_up:
-            return
-        self._caught_up = True
-        first = self._first_sent
+        before, self._sent = self._sent, 0
         for line in KEEPER.kept(self._name):
-            if first is None or line.time_ns < first:
+            if line.time_ns < before:
                 self._send(line)
 
     def _send(self, line: LogLine) -> None:
         if line.process in ("", self._name) and self._publisher.has_subscribers:
-            self._first_sent = self._first_sent or line.time_ns
+            self._sent = min(self._sent, line.time_ns)
             self._publisher.put(message_of(self._name, line))
 
 
@@ -127,7 +119,7 @@ def line_of(process: str, message: Log) -> LogLine:
     return LogLine(stamp, process, message.level, message.msg, message.file, message.function, message.line)
 
 
-class LogReader:
+class LogReader(LogOrder):
     """Lines of the processes whose names match `patterns`, in order of time, each once.
 
     `on_news()` is called from a thread of the bus when lines or processes came.
@@ -135,13 +127,10 @@ class LogReader:
 
     def __init__(self, bus: Bus, patterns: Sequence[str], on_news: Callable[[], None], level: int = 0) -> None:
         """Lines below `level` are skipped."""
-        self._bus = bus
-        self._patterns = patterns
-        self._on_news = on_news
-        self._level = level
-        self._lock = threading.Lock()
-        self._order = LogOrder(HOLD)
-        self._joined: set[str] = set()
+        super().__init__(HOLD)
+        self._bus, self._patterns, self._on_news, self._level = bus, patterns, on_news, level
+        self._has_joined = False
+        """Whether a process has joined since the last question."""
 
     def follow(self) -> None:
         """From here on take new lines, and notice processes that join."""
@@ -151,39 +140,21 @@ class LogReader:
 
     def fetch(self) -> set[str]:
         """Take what all the processes keep; the names of those that answered."""
-        return {name for pattern in self._patterns for name in self._fetch(pattern)}
+        self._has_joined = False
+        answers = [answer for pattern in self._patterns for answer in self._bus.find(names.log_key(pattern), _LINES)]
+        self._take(kept_lines(answers))
+        return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
 
     def fetch_joined(self) -> set[str]:
-        """Take what the processes keep that joined since the last call; the names of those that answered."""
-        with self._lock:
-            joined, self._joined = self._joined, set()
-        if len(joined) > _MOST_ASKED:
-            return self.fetch()
-        return {name for pattern in sorted(joined) for name in self._fetch(pattern)}
-
-    def _fetch(self, pattern: str) -> set[str]:
-        answers = self._bus.find(names.log_key(pattern), list[LogLine])
-        self._take([*kept_lines(answers)])
-        return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
+        """The same, if a process has joined since the last call. All are asked: any program may hold tokens."""
+        return self.fetch() if self._has_joined else set()
 
     def pending(self) -> bool:
         """Whether lines wait, or processes joined."""
-        with self._lock:
-            return bool(self._joined) or self._order.waiting
+        return self._has_joined or self.waiting
 
-    def left(self) -> float:
-        """Host seconds until a line is ready; 0 if none waits."""
-        with self._lock:
-            return self._order.left(monotonic())
-
-    def ready(self, now: float | None = None) -> list[LogLine]:
-        """The lines that are ready at host time `now`, by default the present."""
-        with self._lock:
-            return self._order.ready(monotonic() if now is None else now)
-
-    def _take(self, lines: Sequence[LogLine]) -> None:
-        with self._lock:
-            self._order.take([line for line in lines if line.level >= self._level], monotonic())
+    def _take(self, lines: Iterable[LogLine]) -> None:
+        self.take([line for line in lines if line.level >= self._level], monotonic())
 
     def _on_line(self, key: str, message: Log) -> None:
         process = names.process_of(key, names.LOG)
@@ -191,9 +162,7 @@ class LogReader:
             self._take([line_of(process, message)])
             self._on_news()
 
-    def _on_token(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        if token is not None and alive:
-            with self._lock:
-                self._joined.add(token[0])
+    def _on_token(self, _key: str, alive: bool) -> None:
+        if alive:
+            self._has_joined = True
             self._on_news()

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Annotated, Any
 
 import msgspec
@@ -46,6 +47,7 @@ class LogLine(msgspec.Struct, frozen=True):
 
 
 Sink = Callable[[LogLine], None]
+RecordFactory = Callable[..., logging.LogRecord]
 
 
 class LogKeeper:
@@ -59,7 +61,8 @@ class LogKeeper:
     def __init__(self) -> None:
         self._users = 0
         """Begins without their ends."""
-        self._end: Callable[[], None] = lambda: None
+        self._run: object = None
+        """What marks the time from the first begin to the last end; None between two of these."""
         self._thread = threading.local()
         self._kept: deque[LogLine] = deque(maxlen=KEPT)
         self._last = 0
@@ -81,39 +84,31 @@ class LogKeeper:
         with self._lock:
             self._users += 1
             if self._users == 1:
-                self._end = self._take_records()
+                self._run = object()
+                self._make = logging.getLogRecordFactory()
+                self._own = partial(self._make_record, self._run, self._make)
+                logging.setLogRecordFactory(self._own)
         return self._leave
 
     def _leave(self) -> None:
         with self._lock:
             self._users -= 1
             if self._users == 0:
-                self._end()
+                # Other code may have wrapped it since; then it stays, and does nothing.
+                self._run = None
+                if logging.getLogRecordFactory() is self._own:
+                    logging.setLogRecordFactory(self._make)
                 self._kept.clear()
 
-    def _take_records(self) -> Callable[[], None]:
-        """Take each log record that Python makes; returns a function that ends this."""
-        active = True
-        make = logging.getLogRecordFactory()
-
-        def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
-            record = make(*args, **kwargs)
-            if active:
-                node = record.node = WORK[threading.get_ident()].node or self._others
-                self._take(record)
-                if self._prefix and node != self._others:
-                    record.msg = f"[{node}] {record.msg}"
-            return record
-
-        def end() -> None:
-            nonlocal active
-            active = False
-            # Other code may have wrapped it since; then it stays, and does nothing.
-            if logging.getLogRecordFactory() is make_record:
-                logging.setLogRecordFactory(make)
-
-        logging.setLogRecordFactory(make_record)
-        return end
+    def _make_record(self, run: object, make: RecordFactory, *args: Any, **kwargs: Any) -> logging.LogRecord:
+        """Make a record, and take it while the `run` of the keeper lasts."""
+        record = make(*args, **kwargs)
+        if run is self._run:
+            node = record.node = WORK[threading.get_ident()].node or self._others
+            self._take(record)
+            if self._prefix and node != self._others:
+                record.msg = f"[{node}] {record.msg}"
+        return record
 
     @contextmanager
     def naming_nodes(self, others: str, *, prefix: bool) -> Iterator[None]:
@@ -160,21 +155,17 @@ class LogKeeper:
                 self._last = self._last + 1 if now <= self._last < now + KEPT else now
                 line = LogLine(self._last, node_of(record), level, text, file, function, record.lineno)
                 self._kept.append(line)
-            self._pass(line)
+            # A line that a sink logs itself would have no end.
+            if self._sinks and not getattr(self._thread, "passing", False):
+                self._thread.passing = True
+                try:
+                    for sink in self._sinks:
+                        sink(line)
+                finally:
+                    self._thread.passing = False
         except Exception:
             # Its handlers still get the record; a line about this one would fail as well.
             return
-
-    def _pass(self, line: LogLine) -> None:
-        """Give the line to the sinks; not a line that a sink logs itself, which would have no end."""
-        if not self._sinks or getattr(self._thread, "passing", False):
-            return
-        self._thread.passing = True
-        try:
-            for sink in self._sinks:
-                sink(line)
-        finally:
-            self._thread.passing = False
 
 
 def _text_of(record: logging.LogRecord) -> str:

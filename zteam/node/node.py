@@ -7,7 +7,7 @@ from itertools import count
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, Publisher, connect
+from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
@@ -16,10 +16,10 @@ from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks
-from zteam.node.lockstep import Participant, TickState
+from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
-from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
 from zteam.node.working import StepWatch
@@ -87,7 +87,7 @@ class UserStep:
         node, clock = self._node, self._node.clock
         if not clock.decided or clock.now() == 0:
             node.wait(lambda: clock.now() > 0, 0.1)
-        elif node.wait(lambda: node.pass_gate(node.lacking, node.epoch()), 0.5):
+        elif node.wait(lambda: node.pass_gate(node.lacking, go_epoch(node.team, clock.now())), 0.5):
             period = to_ns(self._period)
             # The first moment is now.
             self._rate = self._rate or Rate(period, clock.steady() - period)
@@ -138,7 +138,7 @@ class Node(ProcessNode):
         if problem := names.name_problem(name):
             raise UsageError(problem)
         super().__init__(name, bus, stop, clock)
-        self._inputs = TickInputs(lambda: self.part.robots)
+        self._inputs = TickInputs()
         self._messages = TickMessages()
         self._numbers = count()
         self.first_data = 0.0
@@ -164,8 +164,9 @@ class Node(ProcessNode):
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
         """Whether `run` was called."""
-        self.part = Participant(self, self._has_inputs, self._inputs.lacking)
+        self.part = Participant(self)
         """Its part in lock-step."""
+        bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
@@ -208,26 +209,19 @@ class Node(ProcessNode):
         """
         if every_tick:
             self._inputs.declare(key_expr, message_type)
-        number, call, simulators = next(self._numbers), self._failing(callback), self.part.ticks.simulators
+        call = self._failing(callback)
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (latched or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
             call(key, message)
-
-        def take(key: str, message: Message, source: str = "") -> None:
-            due = stamp_of_tick(message) if every_tick else None
-            if latched:
-                handle(key, message)
-            elif not self._take(HeldMessage(number, key, message, source, source in simulators, due, handle)):
-                return
-            if due is not None:
-                self._inputs.take(key, due)
+            if every_tick:
+                self._inputs.take(key, stamp_of_tick(message))
 
         if latched:
-            return super().subscribe(key_expr, message_type, take, latched=True)
-        return self.subscribe_from(key_expr, message_type, take)
+            return super().subscribe(key_expr, message_type, handle, latched=True)
+        return self.receive(key_expr, message_type, handle, every_tick=every_tick, newest_only=False)
 
     hear = ProcessNode.subscribe
     """As `subscribe`, but at once in lock-step too, and an error of the callback does not end the process."""
@@ -240,34 +234,32 @@ class Node(ProcessNode):
         problem: Callable[[RawSample], str] | None = None,
         *,
         latched: bool = False,
+        every_tick: bool = False,
+        newest_only: bool = True,
     ) -> Closeable:
-        """Call `handle(key, message, stamp)` with what others send: in lock-step with each sender's newest message, in
-        the tick after the one in which it was sent, whose `stamp` (ns) is given; else at once. For `problem` see
-        `subscribe_from`.
+        """Call `handle(key, message, stamp)` with what others send: in lock-step in the tick after the one in which it
+        was sent, whose `stamp` (ns) is given; else at once. `newest_only`: only with each sender's newest message.
+
+        `problem(sample)`, not called under `changed`, says why a sample is dropped; empty if it is not.
         """
-        number = next(self._numbers)
+        number, simulators = next(self._numbers), frozenset[str]() if newest_only else self.part.ticks.simulators
 
         def take(key: str, message: Message, source: str = "") -> None:
-            self._take(HeldMessage(number, key, message, source, False, None, handle, newest_only=True))
+            due, part = stamp_of_tick(message) if every_tick else None, self.part
+            if self.is_of_ended_time(stamp_of_tick(message) if isinstance(message, RobotStatus) else due or 0):
+                return
+            if part.tick is None:
+                self._messages.handle_due(None)
+                handle(key, message, self.clock.now())
+                return
+            arrival = HeldMessage(number, key, message, source, source in simulators, due, handle, newest_only)
+            if full := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
+                self.bus.counters.drop(key, full)
 
         if latched:
             # Its bus lets one sender's message count alone: the one with the newest time.
             return super().subscribe(key_expr, message_type, take, latched=True)
-        return self.subscribe_from(key_expr, message_type, take, problem)
-
-    def _take(self, arrival: HeldMessage) -> bool:
-        """Handle a message now, or keep it for its tick; False if it is dropped."""
-        key, message, part = arrival.key, arrival.message, self.part
-        stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
-        if self.is_of_ended_time(stamp):
-            return False
-        if part.tick is None:
-            self._messages.handle_due(None)
-            arrival.handle(key, message, self.clock.now())
-        elif problem := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
-            self.bus.counters.drop(key, problem)
-            return False
-        return True
+        return self.bus.subscribe_from(key_expr, message_type, self.handler(take), problem)
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
@@ -328,10 +320,6 @@ class Node(ProcessNode):
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self.team = status
 
-    def epoch(self) -> int:
-        """The GO that holds now by the monitor's word, 0 = none. In lock-step the ticks carry it."""
-        return go_epoch(self.team, self.clock.now())
-
     def drive(self, beat: Callable[[], None]) -> None:
         """Take steps until the process is asked to stop; call `beat()` once a second. Raises what a step raises."""
         # Only the process that holds the name may publish under it, so not before this.
@@ -355,11 +343,6 @@ class Node(ProcessNode):
     def is_stopped(self) -> bool:
         """Whether the robot of this process is stopped (`zteam stop`)."""
         return self.switch is not None and self.switch.is_stopped
-
-    @property
-    def _may_step(self) -> bool:
-        """Whether it is known if the robot of this process is stopped."""
-        return self.switch is None or self.switch.is_known
 
     def _on_switch(self) -> None:
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
@@ -387,6 +370,10 @@ class Node(ProcessNode):
         """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
         tick = self.part.tick
         return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
+
+    def _answer_lacking(self) -> Lacking:
+        tick, is_open = self.part.tick, self.part.state is TickState.OPEN
+        return Lacking(self._inputs.lacking(tick) if tick is not None and is_open else [])
 
     def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
         """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""
@@ -429,15 +416,17 @@ class Node(ProcessNode):
         self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:
-        part = self.part
-        if part.tick is not None:
-            tick = part.begin()
-            if tick is None:
+        part, tick, may_step = self.part, self.part.tick, self.switch is None or self.switch.is_known
+        if tick is not None:
+            if part.state is not TickState.OPEN:
                 return None
+            self._messages.handle_due(part.stamp)
+            # A message that was due may have ended the process.
+            if not (self.can_publish and may_step) or self._inputs.lacking(tick):
+                return None
+            part.begin()
             return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
-        if part.expected or self.stopping or not self._may_step:
-            return None
-        now = self._timer.take()
+        now = None if part.expected or self.stopping or not may_step else self._timer.take()
         if now is None:
             return None
         self._messages.handle_due(None)
@@ -461,11 +450,6 @@ class Node(ProcessNode):
     def _command(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
-
-    def _has_inputs(self, tick: Tick) -> bool:
-        self._messages.handle_due(self.part.stamp)
-        # A message that was due may have ended the process.
-        return self.can_publish and self._may_step and not self._inputs.lacking(tick)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
@@ -498,7 +482,7 @@ def run(
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)
-    with stopping_in_order(stop):
+    with stop.install():
         code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)
     if code:
         raise SystemExit(code)

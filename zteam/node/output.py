@@ -5,10 +5,10 @@ is useful without its output (`zteam up`, the monitor) says so once and goes on.
 escaped.
 """
 
+import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, TextIO, cast
 
 from zteam.errors import ZteamError, printable, printable_json
@@ -105,13 +105,10 @@ class Output:
 def _discard(stream: TextIO) -> None:
     """Redirect a stream to /dev/null: its buffer would fail to be written again when the interpreter ends."""
     null = os.open(os.devnull, os.O_WRONLY)
-    try:
+    # It may have no descriptor.
+    with contextlib.suppress(OSError, ValueError):
         os.dup2(null, stream.fileno())
-    except (OSError, ValueError):
-        # The stream has no descriptor.
-        pass
-    finally:
-        os.close(null)
+    os.close(null)
 
 
 def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) -> int:
@@ -124,33 +121,25 @@ def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) ->
         if not error.reader_gone:
             print_line(f"{name}: {error}; going on without it", file=sys.stderr)
 
-    with _guarded_streams(failed):
-        try:
-            try:
-                return body()
-            finally:
-                sys.stdout.flush()
-        except OutputError as error:
-            if error.reader_gone:
-                return 0
-            print_line(f"{name}: {error}", file=sys.stderr)
-            return error.exit_code
-
-
-@contextmanager
-def _guarded_streams(on_failure: Callable[[OSError], None]) -> Iterator[None]:
+    before = sys.stdout, sys.stderr
     if isinstance(sys.stdout, Output):
         # `zteam` runs a command, which decides from here on.
-        sys.stdout.on_failure = on_failure
-        yield
-        return
-    _open_descriptors()
-    before = sys.stdout, sys.stderr
-    sys.stdout = cast(TextIO, Output(sys.stdout, on_failure))
-    # There is no stream left to report it on.
-    sys.stderr = cast(TextIO, Output(sys.stderr, lambda error: None))
+        sys.stdout.on_failure = failed
+    else:
+        _open_descriptors()
+        sys.stdout = cast(TextIO, Output(sys.stdout, failed))
+        # There is no stream left to report it on.
+        sys.stderr = cast(TextIO, Output(sys.stderr, lambda error: None))
     try:
-        yield
+        try:
+            return body()
+        finally:
+            sys.stdout.flush()
+    except OutputError as error:
+        if error.reader_gone:
+            return 0
+        print_line(f"{name}: {error}", file=sys.stderr)
+        return error.exit_code
     finally:
         sys.stdout, sys.stderr = before
 

@@ -13,14 +13,14 @@ from typing import Literal, TypeVar
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
-from zteam.bus.transport import Closeable, RawSample
+from zteam.bus.transport import Closeable
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.faults import log_fault, offer_stacks
 from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 from zteam.node.tokens import CertainTokens
 from zteam.node.working import watch_process
 
@@ -148,7 +148,7 @@ class ProcessNode:
 
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
-        self.claim.win(self._on_rival, self._win)
+        self.claim.win(self.stop.request, self._win)
         for hook in self._on_present:
             hook()
 
@@ -192,10 +192,9 @@ class ProcessNode:
         else:
             log.warning("router lost: waiting for it to come back")
         self.link_up = up
-        limit = None if self.bus.options is None else self.bus.options.give_up
         if self._give_up is not None:
             self._give_up.cancel()
-            self._give_up = None
+        limit = None if self.bus.options is None else self.bus.options.give_up
         if not up and limit is not None:
             # Host time: the main loop may be in a user's step, so no other thread can wait.
             self._give_up = threading.Timer(limit, self._end_without_router, (limit,))  # noqa: TID251
@@ -207,44 +206,22 @@ class ProcessNode:
         log.error("no router for %g s: stopping, as ZTEAM_GIVE_UP says", limit)
         self.stop.request("the router is gone for good")
 
-    def _on_rival(self, info: ProcessInfo) -> None:
-        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
-        self.stop.request("another process holds the name")
-
     # Inputs
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
     ) -> Closeable:
         """Call `callback(key, message)` under `changed`, then let `wait` look."""
-        return self.bus.subscribe(key_expr, message_type, self._handler(callback), latched=latched)
-
-    def subscribe_from(
-        self,
-        key_expr: str,
-        message_type: type[M],
-        callback: Callable[[str, M, str], None],
-        problem: Callable[[RawSample], str] | None = None,
-    ) -> Closeable:
-        """As `subscribe`, but call `callback(key, message, source)`, with the id of the sender's session.
-
-        `problem(sample)`, which is not called under `changed`, says why a sample is dropped; empty if it is not.
-        """
-        return self.bus.subscribe_from(key_expr, message_type, self._handler(callback), problem)
-
-    def subscribe_latched_raw(self, key_expr: str, callback: Callable[[RawSample], None]) -> Closeable:
-        """As `subscribe` on latched keys, but with each sender's newest sample, undecoded, and not the key's alone."""
-        return self.bus.subscribe_raw(key_expr, self._handler(callback), latched=True)
+        return self.bus.subscribe(key_expr, message_type, self.handler(callback), latched=latched)
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
-        self.bus.watch_tokens([key_expr], self._handler(callback))
+        self.bus.watch_tokens([key_expr], self.handler(callback))
 
-    def watch_certain_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
-        """As `watch_tokens`, but a loss that may be one of the link is held back (`CertainTokens`)."""
-        CertainTokens(self.bus, key_expr, self._handler(callback))
+    def handler(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """What the bus may call instead of `callback`: it calls that under `changed`, not during a step, and lets
+        `wait` look."""
 
-    def _handler(self, callback: Callable[..., None]) -> Callable[..., None]:
         def handle(*content: object) -> None:
             with self.lock:
                 if self._busy:
@@ -344,7 +321,7 @@ class ProcessNode:
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator."""
         self.take_time_from_clock()
-        self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
+        CertainTokens(self.bus, names.tokens_key(names.SIMULATOR), self.handler(self._on_simulator))
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
@@ -358,7 +335,7 @@ class ProcessNode:
         """Out of lock-step, take the time from the clock."""
         self.ticks_tell_time = False
         if self._clock_input is None:
-            self._clock_input = self.bus.subscribe(names.CLOCK, Clock, self._handler(self._on_clock))
+            self._clock_input = self.bus.subscribe(names.CLOCK, Clock, self.handler(self._on_clock))
 
     def set_time(self, stamp: int) -> None:
         """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
@@ -421,7 +398,6 @@ def run_node(
     stop = Stop()
     offer_stacks(name, stop)
     stop.install()
-    exit_hard_later(stop)
     return run_body(name, partial(connect, options, stopping=stop), tuned, stop, clock, make)
 
 

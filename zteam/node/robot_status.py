@@ -10,22 +10,9 @@ from typing import Protocol
 
 import msgspec
 
-from zteam import names
+from zteam import messages, names
 from zteam.bus import Publisher
 from zteam.clock import Every, to_ns
-from zteam.messages import (
-    Header,
-    NavigationState,
-    NavigationStatus,
-    RobotDriver,
-    RobotState,
-    RobotStatus,
-    TeamState,
-    TeamStatus,
-    Twist,
-    ns_from_time,
-    time_from_ns,
-)
 from zteam.node.process_node import ProcessNode
 from zteam.node.stopping import STOPPED, StopSwitch
 from zteam.reasons import Reason
@@ -42,9 +29,9 @@ _MOST = 4
 """Reasons that are printed within REST: one that has a number in it may be another one in each step."""
 
 
-def go_epoch(team: TeamStatus | None, now: int) -> int:
+def go_epoch(team: messages.TeamStatus | None, now: int) -> int:
     """The GO that holds at time `now` (ns) by the monitor's newest word; 0 = none yet."""
-    if team is None or team.state != TeamState.GO or now < ns_from_time(team.go_stamp):
+    if team is None or team.state != messages.TeamState.GO or now < messages.ns_from_time(team.go_stamp):
         return 0
     return team.epoch
 
@@ -60,7 +47,7 @@ class Readiness:
         self._way_out = way_out
         self.released = not gated
         """Whether the robot may drive."""
-        self.state: int = RobotState.BOOT
+        self.state: int = messages.RobotState.BOOT
         self.reason = ""
         """Why it is in this state; empty if there is nothing to say."""
         self.epoch = 0
@@ -69,16 +56,16 @@ class Readiness:
     @property
     def is_ready(self) -> bool:
         """What the robot tells the monitor."""
-        return self.state in (RobotState.READY, RobotState.RUNNING)
+        return self.state in (messages.RobotState.READY, messages.RobotState.RUNNING)
 
     def take(self, missing: Sequence[str], epoch: int) -> bool:
         """Take what the robot lacks and the GO that holds (0 = none); whether the robot may drive now."""
         if self.released:
             self.epoch = max(epoch, self.epoch)
         elif missing:
-            self.state, self.reason = RobotState.BOOT, "waiting for " + ", ".join(missing)
+            self.state, self.reason = messages.RobotState.BOOT, "waiting for " + ", ".join(missing)
         elif not epoch:
-            self.state = RobotState.READY
+            self.state = messages.RobotState.READY
             self.reason = f"waiting for the monitor's GO ({self._way_out})"
         else:
             self.released, self.epoch = True, epoch
@@ -86,11 +73,11 @@ class Readiness:
 
     def drive(self, reason: str, epoch: int = 0) -> None:
         """The robot acts; `reason` says why it stands still, if it does; `epoch` is the GO that holds (0 = none)."""
-        self.state, self.reason, self.epoch = RobotState.RUNNING, reason, max(epoch, self.epoch)
+        self.state, self.reason, self.epoch = messages.RobotState.RUNNING, reason, max(epoch, self.epoch)
 
     def stop(self) -> None:
         """The process ends."""
-        self.state, self.reason = RobotState.STOPPED, "stopped"
+        self.state, self.reason = messages.RobotState.STOPPED, "stopped"
 
 
 class StatusSource(Protocol):
@@ -100,7 +87,7 @@ class StatusSource(Protocol):
     follows: int | None = None
     gap: float = 0.0
     turns: int = -1
-    navigation: NavigationStatus | None = None
+    navigation: messages.NavigationStatus | None = None
 
     def why_it_rests(self) -> str:
         """Why it wants zero velocity; empty = no word."""
@@ -153,15 +140,15 @@ class StatusReport:
         self._warning = "" if safety else "no safety layer"
         self.tells_of: StatusSource = OwnStep()
         """Whose place in a line, goal and rest it tells."""
-        self.command: Twist | None = None
+        self.command: messages.Twist | None = None
         """The newest command; None while nothing commands the wheels."""
-        self.driver = RobotDriver.NONE
+        self.driver = messages.RobotDriver.NONE
         """What gave it, of RobotDriver."""
-        self._navigation_publisher: Publisher[NavigationStatus] | None = None
+        self._navigation_publisher: Publisher[messages.NavigationStatus] | None = None
         self._told = self._state()
         self._reasons = ReasonLog()
-        self._last: RobotStatus | None = None
-        self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        self._last: messages.RobotStatus | None = None
+        self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), messages.RobotStatus)
         self._may_tell = Every(_MONITORS)
         node.on_time_reset(self._forget)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
@@ -171,7 +158,7 @@ class StatusReport:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
             self.say_again()
 
-    def take(self, driver: str, command: Twist) -> None:
+    def take(self, driver: str, command: messages.Twist) -> None:
         """The newest command, which `driver` (of RobotDriver) gave."""
         self.driver, self.command = driver, command
 
@@ -189,7 +176,7 @@ class StatusReport:
         state, reason = now[:2]
         # In each step: the reason that holds on and on is not a new one when it has been gone for a moment.
         if self._reasons.admit(reason, self._node.clock.now(), is_known=not logged):
-            log.info("%s: %s", RobotState.TEXT[state], reason)
+            log.info("%s: %s", messages.RobotState.TEXT[state], reason)
         if now != self._told:
             self._told = now
             self.publish()
@@ -199,7 +186,7 @@ class StatusReport:
 
         All robots do so in the same tick, and in the others their listeners have nothing to take in.
         """
-        if self._last is None or now // PERIOD > ns_from_time(self._last.header.stamp) // PERIOD:
+        if self._last is None or now // PERIOD > messages.ns_from_time(self._last.header.stamp) // PERIOD:
             self.publish()
 
     def say_again(self) -> None:
@@ -216,7 +203,7 @@ class StatusReport:
     def stop(self) -> None:
         """Say that the process ends."""
         self.readiness.stop()
-        self.driver, self.command = RobotDriver.NONE, None
+        self.driver, self.command = messages.RobotDriver.NONE, None
         self.publish()
 
     def _forget(self) -> None:
@@ -228,8 +215,8 @@ class StatusReport:
         is_stopped = self._stop.is_stopped
         readiness, command, behavior = self.readiness, self.command, self.tells_of
         reason = Reason.of(self._why_it_stands())
-        self._last = RobotStatus(
-            header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
+        self._last = messages.RobotStatus(
+            header=messages.Header(messages.time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
             robot_id=self._id,
             is_ready=readiness.is_ready,
             state=readiness.state,
@@ -246,19 +233,19 @@ class StatusReport:
             is_stopped=is_stopped,
             waits_for=reason.waits_for,
             blocked_by=reason.blocked_by,
-            goal_state=NavigationState.IDLE if behavior.navigation is None else behavior.navigation.state,
+            goal_state=messages.NavigationState.IDLE if behavior.navigation is None else behavior.navigation.state,
         )
         self._publisher.put(self._last)
         if behavior.navigation is not None:
             self._publish_navigation(behavior.navigation, self._last)
 
-    def _publish_navigation(self, told: NavigationStatus, status: RobotStatus) -> None:
+    def _publish_navigation(self, told: messages.NavigationStatus, status: messages.RobotStatus) -> None:
         key = names.robot_key(self._id, names.NAVIGATION_STATUS)
         publisher = self._navigation_publisher = self._navigation_publisher or self._node.bus.publisher(
-            key, NavigationStatus
+            key, messages.NavigationStatus
         )
         # What else keeps the robot from its goal, such as its safety layer.
-        text = status.reason if told.state == NavigationState.DRIVING and not told.text else told.text
+        text = status.reason if told.state == messages.NavigationState.DRIVING and not told.text else told.text
         # The header's frame tells a behaviour from navigation.
         publisher.put(msgspec.structs.replace(told, header=status.header, text=text))
 
@@ -272,6 +259,6 @@ class StatusReport:
             return ""
         if reason or command.angular.z:
             return reason
-        if self.driver != RobotDriver.BEHAVIOR:
+        if self.driver != messages.RobotDriver.BEHAVIOR:
             return f"{self.driver} commands zero velocity"
         return self.tells_of.why_it_rests() or "the behaviour commands zero velocity"

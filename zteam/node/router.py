@@ -7,10 +7,9 @@ from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, detach, open_team_router
 from zteam.errors import ZteamError
 from zteam.node.launcher import report
-from zteam.node.leaving import leave
+from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
-from zteam.node.ps_name import show_name
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 
 log = logging.getLogger("zteam")
 
@@ -23,7 +22,6 @@ def run_router(options: RouterOptions, *, announce: bool = False) -> int:
         detach()
     stop = Stop()
     stop.install()
-    exit_hard_later(stop)
     router = open_team_router(options) if options.for_team else Router(options)
     stop.on_request(router.wake)
     try:

@@ -9,8 +9,8 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 
 from zteam.clock import HOST_FACTOR
 from zteam.node.launcher import take_link
@@ -63,30 +63,41 @@ class Stop:
         for callback in callbacks:
             callback()
 
-    def install(self, on_repeat: Callable[[], None] = lambda: None) -> Callable[[], None]:
+    def install(self, on_repeat: Callable[[], None] = lambda: None, hung: int | None = HUNG) -> ExitStack:
         """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
 
-        Main thread only. Returns a function that gives the signals back to their former handlers.
+        From the request on, the process has HARD_EXIT seconds to end by itself, unless `hung` is None: it is the exit
+        code where a step does not return. All this is undone, and signals have their former handlers, when what it
+        returns is closed or left as a context. Main thread only.
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
+        ends = ExitStack()
+        # The thread that reads hears the end.
+        ends.callback(writer.close)
         # Before the handlers: a signal between the two would be lost.
-        descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-        before = {number: signal.signal(number, lambda *_: None) for number in (*SIGNALS, *self._on_signal)}
+        ends.callback(signal.set_wakeup_fd, signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False))
+        for number in (*SIGNALS, *self._on_signal):
+            before = signal.signal(number, lambda *_: None)
+            ends.callback(signal.signal, number, signal.SIG_DFL if before is None else before)
 
-        def give_back() -> None:
-            for number, handler in before.items():
-                signal.signal(number, signal.SIG_DFL if handler is None else handler)
-            signal.set_wakeup_fd(descriptor)
-            # The thread that reads hears the end.
-            writer.close()
+        def end_now() -> None:
+            log.error("did not stop within %g s: ending now", HARD_EXIT)
+            logging.shutdown()
+            os._exit(hung if hung and hanging() else 1)
 
+        if hung is not None:
+            # Host time: the process may hang, so no other thread can wait.
+            timer = threading.Timer(HARD_EXIT, end_now)  # noqa: TID251
+            timer.daemon = True
+            self.on_request(timer.start)
+            ends.callback(timer.cancel)
         threading.Thread(
             target=self._watch_signals, args=(reader, writer, on_repeat), name="signals", daemon=True
         ).start()
         if (link := take_link()) is not None:
             threading.Thread(target=self._watch_launcher, args=(link,), name="launcher", daemon=True).start()
-        return give_back
+        return ends
 
     def _watch_signals(self, reader: socket.socket, writer: socket.socket, on_repeat: Callable[[], None]) -> None:
         # `writer` is held here so that its descriptor stays open as long as the interpreter writes to it.
@@ -110,33 +121,3 @@ class Stop:
             log.debug("link to the launcher: %s", error)
             return
         self.request("the launcher is gone")
-
-
-def exit_hard_later(stop: Stop, hung: int = HUNG) -> Callable[[], None]:
-    """From the stop request on, give the process HARD_EXIT seconds to end by itself; returns a function that cancels
-    this. `hung` is the exit code where a step does not return."""
-
-    def end() -> None:
-        log.error("did not stop within %g s: ending now", HARD_EXIT)
-        logging.shutdown()
-        os._exit(hung if hanging() else 1)
-
-    # Host time: the hard exit: the process may hang, so no other thread can wait.
-    timer = threading.Timer(HARD_EXIT, end)  # noqa: TID251
-    timer.daemon = True
-    stop.on_request(timer.start)
-    return timer.cancel
-
-
-@contextmanager
-def stopping_in_order(stop: Stop) -> Iterator[None]:
-    """Within, signals request a stop and the process must end soon after; afterwards it is the caller's again.
-
-    Main thread only.
-    """
-    give_back, cancel = stop.install(), exit_hard_later(stop)
-    try:
-        yield
-    finally:
-        cancel()
-        give_back()

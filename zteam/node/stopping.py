@@ -14,6 +14,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change, NoRequest
+from zteam.bus.transport import Closeable, Held
 from zteam.clock import HOST_FACTOR, monotonic
 
 log = logging.getLogger("zteam")
@@ -46,39 +47,30 @@ class StopReply(msgspec.Struct):
     """False: the process has just begun, and does not know yet."""
 
 
-class StopService:
-    """Answers a robot's three queries as one of the processes that stop it."""
+def serve_stop(
+    bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool | None], change: Callable[[bool], None]
+) -> list[Held[Closeable]]:
+    """Answer a robot's three queries as one of the processes that stop it. If another one that answers too has ended,
+    declare them anew (`renew`).
 
-    def __init__(
-        self, bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool | None], change: Callable[[bool], None]
-    ) -> None:
-        """`by` is the process's name; `is_stopped()` is None while that is not known; `change(stopped)` is called on a
-        thread of the bus."""
-        key = partial(names.robot_key, robot_id)
+    `by` is the process's name; `is_stopped()` is None while that is not known; `change(stopped)` is called on a thread
+    of the bus.
+    """
+    key = partial(names.robot_key, robot_id)
 
-        def tell(_request: NoRequest) -> StopReply:
-            stopped = is_stopped()
-            return StopReply(by, bool(stopped), stopped is not None)
+    def tell(_request: NoRequest) -> StopReply:
+        stopped = is_stopped()
+        return StopReply(by, bool(stopped), stopped is not None)
 
-        def take(stopped: bool, _request: Change) -> StopReply:
-            change(stopped)
-            return StopReply(by, stopped)
+    def take(stopped: bool, _request: Change) -> StopReply:
+        change(stopped)
+        return StopReply(by, stopped)
 
-        self._served = (
-            bus.serve(key(names.STOP), NoRequest, tell),
-            bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
-            bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
-        )
-
-    def renew(self) -> None:
-        """Another process that answered too has ended: declare the queries anew."""
-        for each in self._served:
-            each.renew()
-
-    def close(self) -> None:
-        """Answer no more."""
-        for each in self._served:
-            each.close()
+    return [
+        bus.serve(key(names.STOP), NoRequest, tell),
+        bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
+        bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
+    ]
 
 
 def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
@@ -106,11 +98,14 @@ class StopSwitch:
         self.is_stopped = False
         self.is_known = False
         """Whether it is known what holds: nothing is to be commanded before."""
-        self.served = StopService(
+        self._served = serve_stop(
             bus, robot_id, self._name, lambda: self.is_stopped if self.is_known else None, self._change
         )
-        simulator = names.tokens_key(names.SIMULATOR)
-        self._watches = bus.watch_tokens([simulator], lambda _, alive: None if alive else self.served.renew())
+        self._watches = bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_simulator)
+
+    def _on_simulator(self, _key: str, alive: bool) -> None:
+        for each in () if alive else self._served:
+            each.renew()
 
     def _change(self, stopped: bool) -> None:
         with self._lock:
@@ -122,7 +117,7 @@ class StopSwitch:
 
     def close(self) -> None:
         """Answer no more."""
-        for each in (*self._watches, self.served):
+        for each in (*self._watches, *self._served):
             each.close()
 
     def learn(self) -> None:

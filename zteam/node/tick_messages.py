@@ -7,7 +7,7 @@ next tick: what it publishes then could come before that tick or after it.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import count, groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from zteam.bus.transport import matches
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
-from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_measured
 
 MAX_AHEAD = to_ns(10.0)
@@ -71,10 +71,10 @@ class HeldMessage(NamedTuple):
     """Whether it replaces the one before of the same tick, sender and key."""
 
 
-_SentKey = tuple[int, str, int, str, int]
-"""Of what another process than the simulator has sent: the stamp (ns) of the tick in which it was sent, the key, the
-subscription, the sender, and a number."""
-_without_sender = itemgetter(0, 1, 2)
+_Place = tuple[bool, int, str, int, str, int]
+"""Where a kept message stands among the others: whether it belongs to the tick in which it is handled, else the stamp
+(ns) of the tick in which another process sent it, its key, the subscription, the sender, and a number."""
+_without_sender = itemgetter(0, 1, 2, 3)
 
 
 class TickMessages:
@@ -82,11 +82,9 @@ class TickMessages:
 
     def __init__(self) -> None:
         self._numbers = count(1)
-        self._of_ticks: list[HeldMessage] = []
-        """What belongs to a tick that has not come."""
-        self._sent: dict[_SentKey, HeldMessage] = {}
+        self._kept: dict[_Place, HeldMessage] = {}
         self._ticks: dict[tuple[str, str], int] = {}
-        """The newest tick of `_sent`, by sender and key."""
+        """The newest tick of what other processes sent, by sender and key."""
         self._count = Counter[str]()
         """Of what is kept, by key."""
         self._newest: dict[tuple[int, str], int] = {}
@@ -99,20 +97,32 @@ class TickMessages:
 
         `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
         """
+        key, due, sender = arrival.key, arrival.due or 0, (arrival.source, arrival.key)
         if not arrival.is_data and arrival.due is None:
-            return self.hold(arrival, stamp)
-        if arrival.is_data and self._is_repeated(arrival, stamp):
+            # What a sender sent later on a key is handled later.
+            tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
+            number = 0 if arrival.newest_only else next(self._numbers)
+            place = False, tick, key, arrival.subscription, arrival.source, number
+        elif arrival.is_data and self._is_repeated(arrival, stamp):
             return ""
-        if is_open and (arrival.due or 0) <= stamp:
-            arrival.handle(arrival.key, arrival.message, 0)
-        elif (arrival.due or 0) > stamp + MAX_AHEAD:
+        elif is_open and due <= stamp:
+            arrival.handle(key, arrival.message, 0)
+            return ""
+        elif due > stamp + MAX_AHEAD:
             return "its stamp is far ahead of the open tick"
-        elif problem := self._fullness(arrival.key):
-            return problem
         else:
             # Of the coming tick, or too late for this one.
-            self._of_ticks.append(arrival)
-            self._count[arrival.key] += 1
+            place = True, 0, "", 0, "", next(self._numbers)
+        if place not in self._kept:
+            # One key does not keep out the others.
+            if self._count[key] >= MOST_OF_KEY:
+                return f"{MOST_OF_KEY} messages of this key wait for the next tick already"
+            if len(self._kept) >= MOST:
+                return f"{MOST} messages wait for the next tick already"
+            self._count[key] += 1
+        if not place[0]:
+            self._ticks[sender] = place[1]
+        self._kept[place] = arrival
         return ""
 
     def _is_repeated(self, arrival: HeldMessage, open_stamp: int) -> bool:
@@ -129,28 +139,6 @@ class TickMessages:
         if stamp <= open_stamp + MAX_AHEAD:
             self._heard = max(self._heard, stamp)
 
-    def _fullness(self, key: str) -> str:
-        """Why no further message of a key is kept; empty if one is. One key does not keep out the others."""
-        if self._count[key] >= MOST_OF_KEY:
-            return f"{MOST_OF_KEY} messages of this key wait for the next tick already"
-        is_full = len(self._of_ticks) + len(self._sent) >= MOST
-        return f"{MOST} messages wait for the next tick already" if is_full else ""
-
-    def hold(self, arrival: HeldMessage, stamp: int) -> str:
-        """A message of another process than the simulator has come while the tick of `stamp` is open; why it is
-        dropped, empty if it is not."""
-        key, sender = arrival.key, (arrival.source, arrival.key)
-        # What a sender sent later on a key is handled later.
-        tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
-        place = tick, key, arrival.subscription, arrival.source, 0 if arrival.newest_only else next(self._numbers)
-        if place not in self._sent:
-            if problem := self._fullness(key):
-                return problem
-            self._count[key] += 1
-        self._ticks[sender] = tick
-        self._sent[place] = arrival
-        return ""
-
     def handle_due(self, stamp: int | None) -> None:
         """Handle what is due in the tick of `stamp`; everything with None, when there are no ticks any more.
 
@@ -160,18 +148,19 @@ class TickMessages:
         if stamp is not None:
             # The data of the next tick does not come before this one is answered.
             self._heard = min(self._heard, stamp)
-        if not (self._of_ticks or self._sent):
+        if not self._kept:
             return
-        due = [entry for entry in self._of_ticks if stamp is None or (entry.due or 0) <= stamp]
-        self._of_ticks = [entry for entry in self._of_ticks if stamp is not None and (entry.due or 0) > stamp]
-        sent = sorted((place for place in self._sent if stamp is None or place[0] < stamp), key=_without_sender)
-        for (tick, *_), group in groupby(sent, _without_sender):
-            for arrival in _in_order([self._sent.pop(place) for place in group]):
+        due = sorted(
+            place
+            for place, arrival in self._kept.items()
+            if stamp is None or ((arrival.due or 0) <= stamp if place[0] else place[1] < stamp)
+        )
+        for (is_of_tick, tick, *_), group in groupby(due, _without_sender):
+            arrivals = [self._kept.pop(place) for place in group]
+            for arrival in arrivals if is_of_tick else _in_order(arrivals):
                 arrival.handle(arrival.key, arrival.message, tick)
-        for arrival in due:
-            arrival.handle(arrival.key, arrival.message, 0)
-        self._count = Counter(entry.key for entry in (*self._of_ticks, *self._sent.values()))
-        self._ticks = {(source, key): tick for tick, key, _, source, _ in sorted(self._sent)}
+        self._count = Counter(arrival.key for arrival in self._kept.values())
+        self._ticks = {(source, key): tick for later, tick, key, _, source, _ in sorted(self._kept) if not later}
 
 
 def _in_order(group: list[HeldMessage]) -> list[HeldMessage]:
@@ -193,9 +182,7 @@ def stamp_of_tick(message: Any) -> int:
 class TickInputs:
     """The keys that are declared with `every_tick`, and what else a node needs of each tick."""
 
-    def __init__(self, robots: Callable[[], Iterable[int]]) -> None:
-        """`robots()` are the ids in the world at the newest tick."""
-        self._robots = robots
+    def __init__(self) -> None:
         self._keys: list[str] = []
         self._needs: list[Callable[[Tick], list[str]]] = []
         self._stamps: dict[str, int] = {}
@@ -235,6 +222,6 @@ class TickInputs:
             return []
         keys = [key_expr]
         if key_expr.startswith(names.all_robots_key("")):
-            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in self._robots()]
+            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in tick.robots.tolist()]
         stamp = ns_from_time(tick.stamp)
         return [key for key in keys if self._stamps.get(key, -1) < stamp]

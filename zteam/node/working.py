@@ -14,6 +14,8 @@ from itertools import count
 from threading import get_ident
 from typing import TypeVar
 
+import msgspec
+
 from zteam.clock import FREEZE_WATCH, FREEZES, Every, monotonic, pause
 
 log = logging.getLogger("zteam")
@@ -31,16 +33,13 @@ _INTERVALS = 3.0
 """The same in intervals of steps, where these are long."""
 
 
-class Work:
+class Work(msgspec.Struct):
     """What one thread does. Only that thread changes it."""
 
-    __slots__ = ("call", "node")
-
-    def __init__(self) -> None:
-        self.node = ""
-        """The node that it works for, where a process has several; empty for code of no node."""
-        self.call = 0
-        """The number of the call under way that others wait for, such as a step; 0 between two calls."""
+    node: str = ""
+    """The node that it works for, where a process has several; empty for code of no node."""
+    call: int = 0
+    """The number of the call under way that others wait for, such as a step; 0 between two calls."""
 
 
 WORK: defaultdict[int, Work] = defaultdict(Work)

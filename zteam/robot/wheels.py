@@ -101,7 +101,7 @@ class Wheels:
         """Find out whether the robot has a process; if not, be it. Raises ZteamError if its world lacks the robot."""
         teleop = names.robot_key(self._id, names.CMD_VEL_TELEOP)
         try:
-            self._claim.win(lambda holder: self._give_way(holder.pid, holder.host))
+            self._claim.win(self._stop.request)
         except DuplicateNameError:
             self._key = teleop
             self._bus.check_right(self._key)
@@ -125,10 +125,6 @@ class Wheels:
             self._switch = StopSwitch(self._bus, self._id, lambda: self.drive(Twist()))
             self._claim.under_name.append(self._switch)
             self._switch.learn()
-
-    def _give_way(self, pid: int, host: str) -> None:
-        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, pid, host)
-        self._stop.request("another process holds the name")
 
     def _on_status(self, _key: str, status: RobotStatus) -> None:
         self.status = status

@@ -10,11 +10,10 @@ from zteam.bus.options import BusOptions, RouterOptions
 from zteam.errors import ZteamError, printable
 from zteam.node import kinds
 from zteam.node.faults import log_fault, shortage_text
-from zteam.node.leaving import leave
+from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
 from zteam.node.process_node import ClockMode, run_node
 from zteam.node.process_options import MAX_LINE, ProcessOptions, from_line
-from zteam.node.ps_name import show_name
 from zteam.node.router import run_router
 from zteam.team.parts import part_of
 

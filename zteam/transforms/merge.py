@@ -11,7 +11,7 @@ from functools import lru_cache
 from zteam import names
 from zteam.clock import NOT_KNOWN, Sent
 from zteam.messages import Header, TFMessage, TransformStamped, encode, ns_from_time
-from zteam.messages.tf_stamps import is_base
+from zteam.messages.geometry_msgs import is_base
 from zteam.transforms.buffer import Buffer
 from zteam.transforms.static_transforms import Rank, Static, StaticTransforms, is_start_pose
 from zteam.transforms.tree import Rejection

@@ -33,7 +33,7 @@ from zteam.messages import (
     ns_from_time,
     type_of_encoding,
 )
-from zteam.messages.definitions import definition_of
+from zteam.messages.message import definition_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import find_status

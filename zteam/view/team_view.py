@@ -18,8 +18,8 @@ from zteam.messages import (
     Vector3,
     ns_from_time,
 )
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.planar import pose2_of
-from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan

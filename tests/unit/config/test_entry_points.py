@@ -11,7 +11,7 @@ from zteam.behaviors import load_behavior
 from zteam.config.entry_points import load_offered
 from zteam.errors import UsageError
 from zteam.messages import decode, encode, encoding_of, from_text, message_type, to_json, type_of_encoding
-from zteam.messages.message import REGISTERED
+from zteam.messages.message import REGISTERED, import_offered
 
 PATROL = """
     from zteam import Behavior
@@ -111,6 +111,7 @@ def test_an_installed_message_type_is_found_by_its_names(name: str) -> None:
     encoding = encoding_of(kind)
     REGISTERED.pop("acme_msgs/msg/Battery")
     sys.modules.pop("acme_messages")
+    import_offered.cache_clear()
     found = type_of_encoding(encoding)
     assert found is not None
     assert found.ros_type == kind.ros_type

@@ -22,9 +22,8 @@ def test_a_launcher_that_is_gone_stops_the_process_though_it_left_a_report_unrea
     ours.close()
     stop, asked = Stop(), threading.Event()
     stop.on_request(asked.set)
-    give_back = stop.install()
-    assert asked.wait(LIMIT)
-    give_back()
+    with stop.install():
+        assert asked.wait(LIMIT)
     theirs.close()
 
 

@@ -67,11 +67,10 @@ def test_a_jump_back_forgets_what_waits_for_a_tick(hub: MemoryHub, make: Make) -
     node.subscribe("camera/seen", Bool, lambda _, message: taken.append(message.data))
     seen = hub.bus().publisher("camera/seen", Bool)
     simulator.appear()
+    node.adopt(lambda _due: None, node_module.UserStep(node, lambda _now: None, 1.0))
     node.become_present()
     for tick, is_seen in ((50, True), (1, False), (2, True)):
         simulator.tick(tick, "planner")
-        with node.changed:
-            node.part.begin()
         seen.put(Bool(is_seen))
     assert taken == [False]
 

@@ -12,7 +12,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import Bool, Done, Tick, Twist, Vector3, time_from_ns
-from zteam.node.lockstep import Participant
+from zteam.node.lockstep import Participant, TickState
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 
@@ -30,14 +30,18 @@ class Desk:
         self.fed = 0
         self.needs_food = False
         self.command: Callable[[Tick], Twist | None] = lambda _: None
-        self.part = Participant(self.node, self._ready, lambda _: [])
+        self.part = Participant(self.node)
         self.part.repeat = self._repeat
-        self.node.on_input = lambda: self.node.take_step(self.part.begin, self._act, self.part.answer)
+        self.node.on_input = lambda: self.node.take_step(self._begin, self._act, self.part.answer)
         self._input = bus.publisher("camera/seen", Bool)
         self.node.subscribe("camera/seen", Bool, self._on_input)
 
-    def _ready(self, tick: Tick) -> bool:
-        return not (self.needs_food and "cook" in tick.participants) or self.fed >= tick.tick
+    def _begin(self) -> Tick | None:
+        tick, is_open = self.part.tick, self.part.state is TickState.OPEN
+        if tick is None or not is_open or (self.needs_food and "cook" in tick.participants and self.fed < tick.tick):
+            return None
+        self.part.begin()
+        return tick
 
     def _act(self, tick: Tick) -> Twist | None:
         self.acted.append(tick.tick)

@@ -157,7 +157,6 @@ def tuned() -> Iterator[None]:
 def test_a_command_sets_up_its_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
     """A command's process switches threads quickly, and the collector passes over what start-up made."""
     monkeypatch.setattr(shutdown.Stop, "install", lambda self: None)
-    monkeypatch.setattr(process_node, "exit_hard_later", lambda stop: None)
     frozen = []
 
     def main(node: ProcessNode) -> None:

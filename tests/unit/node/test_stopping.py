@@ -8,7 +8,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.bus.transport import Closeable, QueryHandler
 from zteam.errors import BusError
-from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, StopService, StopSwitch, ask_stopped
+from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, StopSwitch, ask_stopped, serve_stop
 
 
 def stop(bus: Bus, robot_id: int) -> StopReply:
@@ -23,7 +23,7 @@ def release(bus: Bus, robot_id: int) -> StopReply:
 
 def hold(hub: MemoryHub, robot_id: int, by: str, *, stopped: bool) -> None:
     """Another process that knows whether the robot is stopped."""
-    StopService(hub.bus(), robot_id, by, lambda: stopped, lambda _: None)
+    serve_stop(hub.bus(), robot_id, by, lambda: stopped, lambda _: None)
 
 
 def test_a_robot_is_stopped_and_released_by_its_own_keys(hub: MemoryHub) -> None:
@@ -90,7 +90,7 @@ def test_a_query_that_comes_meanwhile_counts_more(hub: MemoryHub, change: Callab
         return not wanted
 
     switch = StopSwitch(hub.bus(), 1)
-    StopService(hub.bus(), 2, "robot_2", is_stopped, lambda _: None)
+    serve_stop(hub.bus(), 2, "robot_2", is_stopped, lambda _: None)
     switch.learn()
     assert switch.is_stopped is wanted
 

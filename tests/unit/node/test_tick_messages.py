@@ -7,9 +7,11 @@ from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Message, Point, Pose, PoseStamped, Twist, time_from_ns
-from zteam.node.tick_messages import MAX_AHEAD, MOST, MOST_OF_KEY, HeldMessage, TickMessages, tick_of
+from zteam.node import tick_messages
+from zteam.node.tick_messages import MAX_AHEAD, HeldMessage, TickMessages, tick_of
 
 SCAN = "robot_0/base_scan"
+MOST, MOST_OF_KEY = 200, 20
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""
 
@@ -60,6 +62,13 @@ def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[R
     for topic in (0, 1):
         mine = [(tick, value) for tick, key, value in handled if key == f"topic_{topic}"]
         assert mine == [(s.tick + 1, s.value) for s in timely if s.topic == topic]
+
+
+@pytest.fixture
+def _keeps_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A node keeps fewer messages than it does."""
+    monkeypatch.setattr(tick_messages, "MOST", MOST)
+    monkeypatch.setattr(tick_messages, "MOST_OF_KEY", MOST_OF_KEY)
 
 
 class Waiting:
@@ -132,7 +141,7 @@ def test_data_of_a_far_tick_delays_no_message_for_good(key: str, stamp: int) -> 
     assert "robot_0/status" in waiting.next()
 
 
-@pytest.mark.few(1)
+@pytest.mark.usefixtures("_keeps_few")
 @pytest.mark.parametrize("due", [None, 3 * TICK])
 def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
     """A node that hears no tick keeps so many messages of a key, and those of other keys besides, MOST in all; when
@@ -147,8 +156,9 @@ def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
     assert not (waiting.messages._ticks.keys() - {("a", "near/distance")})
 
 
+@pytest.mark.usefixtures("_keeps_few")
 def test_what_a_step_would_wait_for_in_a_far_tick_is_refused() -> None:
-    """It would stay for ever: ten thousand of them leave room for all others."""
+    """It would stay for ever: MOST of them leave room for all others."""
     waiting = Waiting()
     far = 2 * TICK + MAX_AHEAD + 1
     assert {waiting.take("near/distance", far, far) for _ in range(MOST)} == {"its stamp is far ahead of the open tick"}
@@ -165,6 +175,7 @@ def test_a_stamp_tells_the_tick_also_before_that_tick_comes(message: Message, ti
     assert tick_of(message, 3 * TICK) == tick * TICK
 
 
+@pytest.mark.usefixtures("_keeps_few")
 def test_a_robot_takes_the_last_message_of_each_tick() -> None:
     """The message of the tick before stays until its step; of two of one tick the last one counts, and none waits that
     another has replaced."""

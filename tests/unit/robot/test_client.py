@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.transport import TIMED_OUT
 from zteam.errors import BusError
-from zteam.node.stopping import EngageRequest, StopReply, StopService
+from zteam.node.stopping import EngageRequest, StopReply, serve_stop
 from zteam.robot.client import CONFIRM_LIMIT, ParametersClient, StopClient, StopResult
 from zteam.simulator.client import SimStatus
 
@@ -50,7 +50,7 @@ class StoppingTeam:
             self.stopped[key] = stopped
 
         if answers:
-            StopService(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
+            serve_stop(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
 
     def add_simulator(self, *robots: int, answers: bool = True) -> None:
         """One with these robots in its world."""

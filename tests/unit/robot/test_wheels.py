@@ -18,7 +18,7 @@ from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import StopReply, StopService
+from zteam.node.stopping import StopReply, serve_stop
 from zteam.robot import wheels as module
 from zteam.robot.teleop import Pilot, drive
 from zteam.robot.wheels import Turn, Wheels
@@ -176,7 +176,7 @@ def test_an_older_holder_of_the_name_ends_teleop(hub: MemoryHub) -> None:
     older.serve("robot_0/info", NoRequest, lambda _: own_info("robot_0", older.instance, 1))
     older.declare_token(names.token_key("robot_0", older.instance))
     assert asked.wait(LIMIT)
-    assert stop.reason == "another process holds the name"
+    assert stop.reason.endswith(", which is older")
 
 
 @pytest.mark.parametrize("failing", [False, True])
@@ -237,7 +237,7 @@ def test_the_line_of_a_base_without_a_process(hub: MemoryHub) -> None:
     for prepare in (
         lambda: None,
         lambda: hear(hub.bus(), "robot_0/cmd_vel"),
-        lambda: StopService(hub.bus(), 1, "robot_1", lambda: True, lambda _: None),
+        lambda: serve_stop(hub.bus(), 1, "robot_1", lambda: True, lambda _: None),
     ):
         prepare()
         wheels = take(hub)

@@ -13,8 +13,7 @@ from zteam.messages.topics import has_one_writer
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
-from zteam.node.tokens import TokenLossFilter
-from zteam.node.writers import Writers
+from zteam.node.tokens import TokenLossFilter, Writers
 from zteam.simulator.client import SimStatus, find_status
 
 log = logging.getLogger("zteam")

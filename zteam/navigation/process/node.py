@@ -154,9 +154,7 @@ class NavigationNode:
     def run(self) -> None:
         """Navigate until the process is asked to stop."""
         for claim in self._claims:
-            claim.win(
-                lambda info: self._node.stop.request(f"process {info.pid} on {info.host} navigates the robot too")
-            )
+            claim.win(self._node.stop.request)
             self._node.claim.under_name.append(Handle(claim.release))
         self._node.on_stop(self._halt)
         log.info("navigation of robot %s: waiting for its map and data", format_robot_ids(self._robots))

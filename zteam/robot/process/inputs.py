@@ -24,7 +24,7 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
-from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.robot.behaviors.behavior import DeclaredInput
 from zteam.robot.view import SILENT_AFTER, View
 from zteam.transforms import Buffer, TransformException

@@ -14,12 +14,12 @@ from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import BusError
 from zteam.messages import BaseInfo, LaserScan, Odometry, RobotState, TFMessage, Tick, Twist
-from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport
-from zteam.node.tokens import TokenSet
+from zteam.node.tokens import CertainTokens, TokenSet
 from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
@@ -91,14 +91,15 @@ class RobotNode:
 
     def _subscribe(self) -> None:
         node, key, inputs = self._node, partial(names.robot_key, self._id), self._inputs
-        node.subscribe_from(key(names.BASE_SCAN), LaserScan, self._on_scan, self._lateness_of_scan)
+        on_scan = node.handler(self._on_scan)
+        node.bus.subscribe_from(key(names.BASE_SCAN), LaserScan, on_scan, self._lateness_of_scan)
         node.follow_go()
         node.hear(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.on_odom(odom))
         node.hear(names.TF, TFMessage, self._on_tf)
         node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.on_static(message), latched=True)
         # The newest one of each broadcaster counts.
-        node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
+        node.bus.subscribe_raw(key(names.TF_STATIC), node.handler(self._on_fixed), latched=True)
         for driver, (topic, kind) in SOURCES.items():
             node.receive(key(topic), kind, partial(inputs.on_velocity, driver), self._lateness_of)
         for declared in inputs.declared:
@@ -144,7 +145,7 @@ class RobotNode:
             # Not before: in lock-step, each token would wake every robot for nothing.
             self._alive = TokenSet()
             # A lost link takes all tokens with it.
-            self._node.watch_certain_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
+            CertainTokens(self._node.bus, names.tokens_key(names.ALL_ROBOTS), self._node.handler(self._on_robot))
         ids = map(names.robot_id_of, self._alive)
         return tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
 

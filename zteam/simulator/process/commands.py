@@ -8,14 +8,13 @@ from functools import partial
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.lateness import Lateness
-from zteam.bus.transport import RawSample
+from zteam.bus.transport import Closeable, Held, RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
-from zteam.node.stopping import StopService, ask_stopped
-from zteam.node.tokens import TokenSet
-from zteam.node.writers import Writers
+from zteam.node.stopping import ask_stopped, serve_stop
+from zteam.node.tokens import TokenSet, Writers
 from zteam.simulator.process.statistics import RunStatistics
 
 log = logging.getLogger("zteam")
@@ -156,7 +155,7 @@ class Holds:
     def __init__(self, bus: Bus, on_change: Callable[[], None]) -> None:
         """`on_change()` is called when a query has stopped or released a robot."""
         self._bus, self._on_change = bus, on_change
-        self._served: dict[int, StopService] = {}
+        self._served: dict[int, list[Held[Closeable]]] = {}
         """By robot in the world."""
         self._stopped: dict[int, bool] = {}
         """What is known, by robot; the newest query counts. A robot that comes back to the world is what it was."""
@@ -167,14 +166,14 @@ class Holds:
     def _on_robot(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
         robot_id = None if token is None else names.robot_id_of(token[0])
-        service = None if robot_id is None or alive else self._served.get(robot_id)
-        if service is not None:
-            service.renew()
+        for each in () if robot_id is None or alive else self._served.get(robot_id, ()):
+            each.renew()
 
     def match_robots(self, robots: Collection[int]) -> None:
         """These are in the world now. One that comes while all others are stopped is stopped too."""
         for gone in self._served.keys() - robots:
-            self._served.pop(gone).close()
+            for each in self._served.pop(gone):
+                each.close()
         known = sorted(self._served)
         is_team_stopped = bool(known) and self.stopped == known
         for robot_id in sorted(robots - self._served.keys()):
@@ -183,7 +182,7 @@ class Holds:
             elif self._has_learned:
                 self._stopped.setdefault(robot_id, False)
             own = partial(self._stopped.get, robot_id), partial(self._change, robot_id)
-            self._served[robot_id] = StopService(self._bus, robot_id, names.SIMULATOR, *own)
+            self._served[robot_id] = serve_stop(self._bus, robot_id, names.SIMULATOR, *own)
 
     @property
     def stopped(self) -> list[int]:

@@ -19,7 +19,7 @@ import msgspec
 
 from zteam.node.faults import shortage_text
 from zteam.node.launcher import LINK
-from zteam.node.ps_name import show_name
+from zteam.node.leaving import show_name
 
 MAX_MESSAGE = 1 << 18
 """Bytes."""

@@ -17,7 +17,7 @@ from zteam.clock import HOST_FACTOR
 from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.node.launcher import Report, report
-from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import find_behavior, load_named, look_in
 from zteam.team.launch.process import Job, exit_text
 from zteam.team.launch.supervisor import Supervisor
@@ -105,7 +105,6 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
 def main() -> None:
     """Answer the questions on standard input."""
     stop = Stop()
-    exit_hard_later(stop)
     stop.install()
     look_in([*sys.argv[1:], ""])
     questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])

@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions
-from zteam.bus.presence import Claim, ProcessInfo, find_processes
+from zteam.bus.presence import Claim, find_processes
 from zteam.clock import HOST_FACTOR, local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
 from zteam.node.kinds import ROUTER
@@ -68,13 +68,9 @@ def claim_namespace(bus: Bus, stop: Stop) -> Claim:
     Requests the stop if a healed network shows an older launcher.
     """
 
-    def on_rival(info: ProcessInfo) -> None:
-        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
-        stop.request("another team holds the namespace")
-
     claim = Claim(bus, names.LAUNCHER)
     try:
-        claim.win(on_rival)
+        claim.win(stop.request)
     except DuplicateNameError:
         refuse_second_team(bus, ())
         raise

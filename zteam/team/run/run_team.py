@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
-from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.shutdown import Stop
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
@@ -74,7 +74,7 @@ def run_team(
         return run.finish()
 
     with (
-        stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
+        signals.install() if threading.current_thread() is threading.main_thread() else nullcontext(),
         TeamRun(
             members := Threads(nodes, bus, stop, prefix_log=True),
             launch,

@@ -58,7 +58,7 @@ class Aggregator:
         node.clock.on_jump_back(self._on_jump_back)
         node.hear(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # The newest one of each broadcaster counts.
-        node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
+        node.bus.subscribe_raw(names.all_robots_key(names.TF_STATIC), node.handler(self._on_statics), latched=True)
         node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key("*"), self._on_token)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer

@@ -20,7 +20,7 @@ from zteam.clock import wait_until
 from zteam.messages import PoseStamped, Twist, TwistStamped
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.node.writers import RECENT, Writers
+from zteam.node.tokens import RECENT, Writers
 from zteam.simulator.process import commands
 from zteam.simulator.process.commands import RobotCommands
 from zteam.simulator.process.statistics import RunStatistics

@@ -8,7 +8,7 @@ from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Twist, Vector3
-from zteam.node.stopping import StopReply, StopService
+from zteam.node.stopping import StopReply, serve_stop
 from zteam.simulator.client import SpawnRequest
 
 AHEAD = {i: Twist(Vector3(0.5)) for i in range(3)}
@@ -90,7 +90,7 @@ def test_a_simulator_that_begins_asks_the_robots(
 ) -> None:
     """A body without a process is held if all robots with one are stopped; a query that came before counts more."""
     for robot_id, held in told.items():
-        StopService(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
+        serve_stop(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
     assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", False, False)]
     parts.node.become_present()
     assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", 2 in stopped)]
