@@ -6,8 +6,7 @@ from zteam.clock import to_ns
 from zteam.geometry import normalize_angle, yaw_from_quaternion
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.scans import is_clear
-from zteam.robot.view import View
+from zteam.robot.view import View, is_clear
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
 """1/s: the lectures' v = 0.5 d and w = 4 atan2(y, x)."""

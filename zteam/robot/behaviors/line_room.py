@@ -13,8 +13,7 @@ from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
-from zteam.robot.scans import is_seen, look_along
-from zteam.robot.view import View
+from zteam.robot.view import View, is_seen, look_along
 
 FREE = 1.0
 """Metres ahead that have to be free for it to drive straight on."""

@@ -7,8 +7,7 @@ from msgspec import Meta, Struct
 
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.scans import look_ahead
-from zteam.robot.view import View
+from zteam.robot.view import View, look_ahead
 
 
 class Idle(Behavior):

@@ -26,8 +26,7 @@ from zteam.robot.behaviors.line import (
 )
 from zteam.robot.behaviors.line_room import Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue
-from zteam.robot.scans import is_clear, is_seen
-from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
+from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
 
 log = logging.getLogger("zteam")
 

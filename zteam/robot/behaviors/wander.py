@@ -9,8 +9,7 @@ from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.robot.behaviors.evasion import Escape
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import LineMember
-from zteam.robot.scans import Cone, is_clear, is_seen, look_ahead, look_along
-from zteam.robot.view import View
+from zteam.robot.view import Cone, View, is_clear, is_seen, look_ahead, look_along
 
 HALF_ANGLE = math.radians(45.0)
 """It looks this far to either side."""

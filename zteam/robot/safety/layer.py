@@ -37,8 +37,7 @@ from zteam.robot.safety.motion import (
     share_of,
     swept_disc,
 )
-from zteam.robot.scans import Beams, beams_of
-from zteam.robot.view import Teammate, View, own_pose
+from zteam.robot.view import Beams, Teammate, View, beams_of, own_pose
 
 Floats = NDArray[np.float64]
 
