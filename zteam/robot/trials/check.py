@@ -27,7 +27,7 @@ from zteam.messages.base import DEFAULT_BASE
 from zteam.node.faults import dump_stacks, stacks_in
 from zteam.robot.behaviors.behavior import Behavior, ask, decide
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
-from zteam.robot.behaviors.straight import Forward, ForwardParams
+from zteam.robot.behaviors.wander import Forward, ForwardParams
 from zteam.robot.safety.layer import SafetyLayer
 from zteam.robot.safety.motion import BaseLimits
 from zteam.robot.trials.situations import (
