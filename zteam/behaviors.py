@@ -4,8 +4,7 @@ from zteam.messages.base import Base
 from zteam.robot.behaviors.behavior import Behavior, decide, missing
 from zteam.robot.behaviors.registry import load_behavior
 from zteam.robot.safety.layer import SafetyLayer, make_safe
-from zteam.robot.scans import Cone, first_clear, look_ahead, look_along, read_beams
-from zteam.robot.view import FindPose, Teammate, View
+from zteam.robot.view import Cone, FindPose, Teammate, View, first_clear, look_ahead, look_along, read_beams
 
 __all__ = [
     "Base",

@@ -13,7 +13,7 @@ from zteam.behaviors import decide, load_behavior, missing
 from zteam.errors import DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
-from zteam.robot.scans import first_clear, look_ahead, look_along
+from zteam.robot.view import first_clear, look_ahead, look_along
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)

@@ -14,7 +14,7 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
 from zteam.robot.behaviors.evasion import ANGULAR_GAIN, REACH, SIDE_MARGIN, STEP, STEPS
 from zteam.robot.behaviors.follow import LEADER_ROOM
-from zteam.robot.scans import first_clear, is_clear, read_beams
+from zteam.robot.view import first_clear, is_clear, read_beams
 
 LASERS = [
     (-2.3583762645721436, 0.004367363173514605, 1081),

@@ -33,7 +33,7 @@ from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, Costmap, make_cir
 from zteam.navigation.planning.grid import GridGeometry
 from zteam.navigation.process.inputs import Inputs
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.safety.surroundings import Surroundings
+from zteam.robot.safety.layer import Surroundings
 from zteam.transforms.lasers import MAX_TILT
 from zteam.view import frames
 from zteam.view.received import Received

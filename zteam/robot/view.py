@@ -1,17 +1,24 @@
-"""What one robot knows in a step: what its behaviour and its safety layer go by."""
+"""What one robot knows in a step: what its behaviour and its safety layer go by; and its laser scan, read with care.
+
+`zteam.messages.laser` tells what a range means. A beam that says nothing is neither an obstacle nor free.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Set
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from zteam import names
 from zteam.counter_random import uniform
 from zteam.geometry import Point2, Pose2
+from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
+from zteam.messages.laser import read_ranges
 
 SILENT_AFTER = 2.0
 """Seconds without a status (they come at 1 Hz) after which a teammate is silent: simulated in lock-step, else the
@@ -107,3 +114,150 @@ def own_pose(view: View) -> Pose2 | None:
     """The robot's own pose in `map`; None where it is not known, or no number."""
     found = view.map_from_base()
     return found[0] if found is not None and math.isfinite(sum(found[0])) else None
+
+
+Floats = NDArray[np.float64]
+
+_ANGLE_TOLERANCE = 1e-5
+"""Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
+_TOUCHING = 1e-6
+"""Metres: where a hit that is too close to measure is taken to be."""
+_EDGE = math.radians(5.0)
+"""The outermost beams see only one side of what is there."""
+_ROUNDING = 1e-6
+"""Relative: of a distance that is compared with a limit."""
+
+
+class Cone(msgspec.Struct, frozen=True):
+    """What the beams in a cone say."""
+
+    nearest: float
+    """Metres from the laser to the nearest hit; inf where nothing is hit."""
+    bearing: float
+    """Where that hit is: radians, left positive; 0 where nothing is hit."""
+    invalid: float
+    """Share of the cone's beams that say nothing, 0..1."""
+
+
+class Beams(NamedTuple):
+    """A scan read once."""
+
+    laser: tuple[float, float, int]
+    """First angle, increment and number of beams."""
+    angles: Floats
+    """Of the beams, in [-pi, pi)."""
+    axes: Floats
+    """(2, n): their cosines and sines."""
+    ranges: Floats
+    distances: Floats
+    """`ranges`, but a hit that is too close to measure is at _TOUCHING: it still has the direction of its beam."""
+    nearest: float
+    """No hit is nearer (metres)."""
+    all_speak: bool
+    """Whether it is certain that every beam says something."""
+
+    def find_hits(self, bound: float) -> Floats:
+        """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""
+        at = (self.distances < bound).nonzero()[0]
+        return self.axes.take(at, axis=1) * self.distances.take(at)
+
+
+@lru_cache(maxsize=64)
+def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats]:
+    """The angles and the axes of beams: the same in every scan of a laser."""
+    angles = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
+    return angles, np.array((np.cos(angles), np.sin(angles)))
+
+
+def _read(scan: LaserScan) -> Beams | None:
+    ranges, nearest, all_speak = read_ranges(scan.ranges, scan.range_min, scan.range_max)
+    laser = start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
+    if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
+        return None
+    distances = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING)
+    return Beams(laser, *_directions(*laser), ranges, distances, nearest, all_speak)
+
+
+_newest: tuple[LaserScan | None, object, Beams | None] = None, None, None
+"""The scan that was read last, with its ranges: a step looks at one up to forty times."""
+
+
+def beams_of(scan: LaserScan) -> Beams | None:
+    """The scan, read; None where there are no beams."""
+    global _newest
+    known, ranges, beams = _newest
+    if known is not scan or ranges is not scan.ranges:
+        ranges, beams = scan.ranges, _read(scan)
+        # What can be changed is read each time.
+        if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
+            _newest = scan, ranges, beams
+    return beams
+
+
+def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
+    """Bearings in [-pi, pi) and distances in metres, both (n,), or None where there are no beams. Bearings are from the
+    axis from which the scan's angles count: that of the base for `view.scan`.
+
+    A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
+    Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
+    """
+    beams = beams_of(scan)
+    return None if beams is None else (beams.angles, beams.ranges)
+
+
+def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
+    """What stands within `half_angle` (radians) of straight ahead, or None where no beam looks there."""
+    beams = beams_of(scan)
+    if beams is None:
+        return None
+    inside = (np.abs(beams.angles) <= half_angle + _ANGLE_TOLERANCE).nonzero()[0]
+    if not inside.size:
+        return None
+    distances, silent = beams.ranges.take(inside), 0
+    if not beams.all_speak:
+        # Silent beams must not be taken for the nearest.
+        is_silent = np.isnan(distances)
+        distances[is_silent], silent = np.inf, int(is_silent.sum())
+    at = int(distances.argmin())
+    nearest = float(distances[at])
+    bearing = float(beams.angles[inside[at]]) if nearest < math.inf else 0.0
+    return Cone(nearest, bearing, silent / inside.size)
+
+
+def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> float:
+    """Metres to the nearest hit in a corridor of 2 * `half_width` towards `heading` (rad), inf where it is clear."""
+    beams = beams_of(scan)
+    if beams is None:
+        return math.inf
+    return kernels.look_along(beams.axes, beams.distances, half_width, heading)
+
+
+def is_seen(scan: LaserScan, heading: float) -> bool:
+    """Whether beams look on both sides of a heading (rad)."""
+    first, last = sorted((scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)))
+    middle = 0.5 * (first + last)
+    if not math.isfinite(middle):
+        return False
+    # The angles of a laser that looks backwards go beyond pi.
+    heading += math.tau * round((middle - heading) / math.tau)
+    return last - first > math.tau - _EDGE or first + _EDGE <= heading <= last - _EDGE
+
+
+def is_clear(scan: LaserScan, half_width: float, reach: float, heading: float = 0.0) -> bool:
+    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres."""
+    return first_clear(scan, half_width, reach, heading, ()) is not None
+
+
+def first_clear(
+    scan: LaserScan, half_width: float, reach: float, heading: float, turns: tuple[float, ...]
+) -> float | None:
+    """`heading` (rad) if a corridor of 2 * `half_width` towards it is clear for `reach` metres, else the first clear
+    one of `heading` + each of the `turns`; None if there is none.
+    """
+    beams = beams_of(scan)
+    # Mostly no hit is near enough to stand in it.
+    if beams is None or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
+        return heading
+    headings = [heading, *[heading + turn for turn in turns]]
+    found = kernels.first_clear(beams.axes, beams.distances, half_width, reach, np.array(headings))
+    return headings[found] if found >= 0 else None

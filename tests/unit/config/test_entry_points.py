@@ -135,7 +135,7 @@ def test_own_names_read_no_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(importlib.metadata, "entry_points", fail)
     load_behavior("wander", {})
-    load_behavior("zteam.robot.behaviors.straight:Avoid", {})
+    load_behavior("zteam.robot.behaviors.wander:Avoid", {})
     kind = message_type("LaserScan")
     assert type_of_encoding(encoding_of(kind)) is kind
     with pytest.raises(AssertionError):

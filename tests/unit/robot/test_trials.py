@@ -24,6 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty folder in which the test stands and Python finds modules. A crowded machine makes no step too slow."""
     monkeypatch.setattr(check, "TICK", 2.0)
     monkeypatch.setattr(check, "HANGS_AFTER", 30.0)
+    monkeypatch.setattr(check, "SECONDS", 3.0)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     known = set(sys.modules)
@@ -83,9 +84,8 @@ def test_a_fault_is_found(what: str, folder: Path) -> None:
     assert fault.place == mine.place(body if kind == "raises" else "def step")
 
 
-def test_what_was_touched_before_an_error_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_touched_before_an_error_is_found(folder: Path) -> None:
     """A behaviour that backs into something and then raises does two things wrong."""
-    monkeypatch.setattr(check, "SECONDS", 3.0)
     body = "if view.now > 2e9:\n            raise ValueError\n        return Twist(Vector3(-0.5))\n"
     results = Candidate(folder, f"{MINE}{body}").try_it(in_worlds=True)
     assert {fault.kind for result in results for fault in result.faults} == {"raises", "touched"}

@@ -12,8 +12,7 @@ from zteam.errors import BehaviorError, UsageError
 from zteam.messages import Message, NavigationStatus, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
-from zteam.robot.safety.layer import SafetyLayer, old_scan
-from zteam.robot.safety.surroundings import STALE_AFTER
+from zteam.robot.safety.layer import STALE_AFTER, SafetyLayer, old_scan
 from zteam.robot.view import NO_POSE, View
 
 _EXAMPLE = 'inputs = {"goal": ("goal_pose", PoseStamped)}'

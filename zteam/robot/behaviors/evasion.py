@@ -1,13 +1,19 @@
-"""How a robot gets past what stands between it and a place, and free where it has no room to turn."""
+"""How a robot gets past what stands between it and a place, and free where it has no room to turn.
+
+And in a line: the robot that leads drives at random, looks before it turns, and hands over where it is stuck. The
+others make room behind a head that keeps its place, and that may turn back into its line.
+"""
 
 import math
+from collections.abc import Sequence, Set
 
+from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import normalize_angle, yaw_from_quaternion
-from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.scans import is_clear
-from zteam.robot.view import View
+from zteam.geometry import Pose2, curvature_to, normalize_angle, yaw_from_quaternion
+from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.behaviors.line import LineRole, keep_together
+from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
+from zteam.robot.view import View, is_clear, is_seen, look_along
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
 """1/s: the lectures' v = 0.5 d and w = 4 atan2(y, x)."""
@@ -74,15 +80,15 @@ class Around:
         return True
 
 
-PATIENCE = to_ns(1.0)
+TURNS_WITHIN = to_ns(1.0)
 """Nanoseconds without turning after which it moves."""
-TURNED = 0.05
+HAS_TURNED = 0.05
 """Radians that count as turning."""
 AGAIN = to_ns(0.5)
 """Nanoseconds without being asked after which what it wanted before does not count."""
 SPEED, FOR = 0.2, to_ns(1.0)
 """m/s at which it moves, and nanoseconds for which it does."""
-MOVED, TRIED = 0.02, to_ns(0.4)
+HAS_MOVED, TRIED = 0.02, to_ns(0.4)
 """Metres that it has to come in so many nanoseconds; else it moves the other way."""
 
 
@@ -92,7 +98,7 @@ class Escape:
     def __init__(self) -> None:
         self._yaw = 0.0
         self._since = 0
-        """Nanoseconds: since when it has not turned by TURNED from `_yaw` though it wants to."""
+        """Nanoseconds: since when it has not turned by HAS_TURNED from `_yaw` though it wants to."""
         self._way = 1.0
         """-1 while it moves back."""
         self._from, self._due = (0.0, 0.0), 0
@@ -111,17 +117,290 @@ class Escape:
         at, facing = (pose.position.x, pose.position.y), pose.orientation
         is_new, self._asked = now - self._asked > AGAIN, now
         if now < self._until:
-            if now >= self._due and math.dist(at, self._from) < MOVED:
+            if now >= self._due and math.dist(at, self._from) < HAS_MOVED:
                 self._move(now, at)
             return Twist(Vector3(self._way * SPEED))
         yaw = yaw_from_quaternion(facing.x, facing.y, facing.z, facing.w)
         wants = command.linear.x == 0.0 and command.angular.z != 0.0
-        if is_new or not wants or abs(normalize_angle(yaw - self._yaw)) > TURNED:
+        if is_new or not wants or abs(normalize_angle(yaw - self._yaw)) > HAS_TURNED:
             self._yaw, self._since = yaw, now
-        elif now - self._since > PATIENCE:
+        elif now - self._since > TURNS_WITHIN:
             self._move(now, at)
             self._since = self._until = now + FOR
         return command
 
     def _move(self, now: int, at: tuple[float, float]) -> None:
         self._way, self._from, self._due = -self._way, at, now + TRIED
+
+
+FREE = 1.0
+"""Metres ahead that have to be free for it to drive straight on."""
+ROOMY, MOST_ROOM = 1.3, 5.0
+"""Metres that have to be free along a new heading; more than the second counts no more."""
+HALF_WIDTH = 0.06
+"""Metres besides the base's radius that have to be free on either side."""
+MATE = 0.62
+"""Metres on either side within which another robot is in the way."""
+HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
+"""Of which it draws one: never back past its own line."""
+CHANCE, EVERY = 0.1, 0.4
+"""How often it draws another heading without need: with this chance after each so many metres."""
+ON_THE_SPOT = 0.8
+"""Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
+NARROW = 0.7
+ALIGNED = 0.1
+"""Radians to its heading from which on it drives straight."""
+TURN_GAIN = 2.0
+"""1/s."""
+GIVES_UP, PROGRESS = to_ns(6.0), 0.4
+"""It hands over if it has not come so many metres in so many nanoseconds."""
+FIRST = to_ns(3.0)
+"""Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
+
+
+class Head:
+    """The law of the robot that leads."""
+
+    def __init__(self) -> None:
+        self._since: int | None = None
+        """Nanoseconds: when it began to lead; None while it does not."""
+        self._heading: float | None = None
+        """In map (rad), while it turns."""
+        self._anchor = Pose2(0.0, 0.0, 0.0), 0
+        """Where it got on last, and when."""
+        self._drawn_at = Pose2(0.0, 0.0, 0.0)
+        self._escape = Escape()
+
+    def rest(self) -> None:
+        """It does not lead, or stands for a reason."""
+        self._since = None
+
+    def step(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> tuple[Twist | None, str]:
+        """The velocity, and why it is zero; None where it is to hand over."""
+        scan = view.scan
+        if scan is None:
+            return Twist(), "no scan yet"
+        if self._since is None:
+            self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
+        if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
+            self._anchor = own, view.now
+        elif view.now - self._anchor[1] > GIVES_UP:
+            return None, ""
+        if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
+            self._heading = None
+        ahead = self._room(view, scan, 0.0)
+        if self._heading is None and self._wants_another(view, own, ahead):
+            self._drawn_at = own
+            turn = self._draw(view, scan)
+            if turn is None:
+                if ahead < FREE and view.now - self._since > FIRST:
+                    return None, ""
+                turn = math.pi if ahead < FREE else 0.0
+            self._heading = normalize_angle(own.yaw + turn)
+        share, reason = keep_together(view, role)
+        error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
+        turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
+        if abs(error) > ON_THE_SPOT or ahead < NARROW:
+            return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
+        return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
+
+    def _wants_another(self, view: View, own: Pose2, ahead: float) -> bool:
+        if ahead < FREE:
+            return True
+        if math.dist(own[:2], self._drawn_at[:2]) < EVERY:
+            return False
+        self._drawn_at = own
+        return view.random(0) < CHANCE
+
+    def _draw(self, view: View, scan: LaserScan) -> float | None:
+        """Of the headings with enough room one (rad), the likelier the more room and the less to the side."""
+        best, most = None, 0.0
+        for draw, heading in enumerate(HEADINGS, 1):
+            room = self._room(view, scan, heading) if is_seen(scan, heading) else 0.0
+            weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
+            if room > ROOMY and weight > most:
+                best, most = heading, weight
+        return best
+
+    def _room(self, view: View, scan: LaserScan, heading: float) -> float:
+        """Metres that are free of walls and robots towards a heading (rad)."""
+        room = look_along(scan, view.base.radius + HALF_WIDTH, heading)
+        for mate in view.teammates:
+            along, across = mate.along(heading)
+            if along > 0.0 and abs(across) < MATE:
+                room = min(room, along)
+        return room
+
+
+NEAR, MET = 0.58, 1.0
+"""Metres from base to base within which a robot drives back from the one ahead; and where that one comes towards it."""
+BESIDE = 0.4
+"""Metres beside each other up to which two robots that come towards each other cannot pass."""
+BACK_SPEED = 0.2
+"""m/s at which it drives back."""
+PATIENCE, MOVED, TURNED = to_ns(2.5), 0.1, 1.0
+"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians."""
+ROOM = 1.6
+"""Metres from base to base that it then gets."""
+FACING, FACED = 1.2, 2.0
+"""Metres from the head within which a robot begins to stand face to face with it, and beyond which it does no more."""
+FACED_FOR = to_ns(4.0)
+"""Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
+STUCK, STUCK_FOR = 0.2, to_ns(3.0)
+"""Metres, and nanoseconds: a robot that wants to drive on and has not come so far in so long leaves its way."""
+FRUITLESS = 2
+"""Turns of the line after which that holds for each robot: neither end gets on, so those between are in the way."""
+FREED = 0.5
+"""Metres from there after which it takes its trail again."""
+STRAY, STRAY_TURN = 0.4, 1.0
+"""m/s and rad/s while it is off its trail."""
+
+
+Answer = tuple[Twist, str]
+"""A velocity, and why it is zero, or what the robot does instead of following."""
+
+
+class BoxedIn:
+    """Whether a leader has no room to get on."""
+
+    def __init__(self) -> None:
+        self._leader, self._since, self._has_turned = Pose2(0.0, 0.0, 0.0), 0, False
+        """Where it has got on last, and when, and whether it has turned there."""
+
+    def look(self, now: int, leader: Pose2) -> bool:
+        """Whether it is boxed in, at `leader` in map at time `now` (ns)."""
+        if not self._since or math.dist(leader[:2], self._leader[:2]) > MOVED:
+            self._leader, self._since, self._has_turned = leader, now, False
+        self._has_turned = self._has_turned or abs(normalize_angle(leader.yaw - self._leader.yaw)) > TURNED
+        return self._has_turned and now - self._since > PATIENCE
+
+
+class Stray:
+    """Takes a robot off its way that is stuck: there it drives as a head does."""
+
+    def __init__(self) -> None:
+        self._head = Head()
+        self._anchor = (0.0, 0.0), 0, 0
+        """Where it got on last, when (ns), and how often the line had turned then."""
+
+    def rest(self) -> None:
+        """It has not been stuck until now."""
+        self._anchor = (math.inf, math.inf), 0, self._anchor[2]
+
+    def step(self, view: View, own: Pose2, limits: SpeedLimits, *, wants: bool, turns: int = 0) -> Twist | None:
+        """The velocity of a robot at `own` in map; None to go its way.
+
+        `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
+        """
+        place, since, before = self._anchor
+        is_fruitless = turns - before >= FRUITLESS
+        is_stuck = is_fruitless or view.now - since > STUCK_FOR
+        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
+            self._anchor, is_stuck = (own[:2], view.now, turns), False
+        elif not (wants or is_fruitless):
+            self._anchor = own[:2], view.now, before
+        if is_stuck:
+            linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
+            command, _ = self._head.step(view, own, LineRole(), linear, angular)
+            if command is not None:
+                return command
+            self._anchor = own[:2], view.now, turns
+        self._head.rest()
+        return None
+
+
+class MakingRoom:
+    """What a robot does instead of following: it strays, goes round a head that faces it, or drives back."""
+
+    def __init__(self) -> None:
+        self._around, self._escape, self._stray = Around(), Escape(), Stray()
+        self._faced_since: int | None = None
+        """Nanoseconds: since when it stands face to face with the head."""
+        self._boxed_in = BoxedIn()
+        self._asking: int | None = None
+        """The robot for which it drives back."""
+
+    def rest(self) -> None:
+        """What stands in its way does so from now on."""
+        self._stray.rest()
+        self._escape.rest()
+        self._faced_since, self._boxed_in = None, BoxedIn()
+
+    def step(
+        self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
+        *, keeps: bool, wants: bool, driven_on: float = 0.0,
+    ) -> tuple[Twist | None, str]:  # fmt: skip
+        """The velocity of a robot at `own` (map) and its `role` in the line, and what it does; without what it does it
+        follows, and without a velocity it backs up.
+
+        `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
+        the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`. `driven_on`: metres that
+        the robot ahead has driven away since its pose, which may be late.
+        """
+        head = role.before[-1]
+        self._asking, seen = self._find_asking(view, own, role.before, stopped, driven_on) if keeps else (None, {})
+        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=role.turns)
+        if command is not None:
+            return command, "is stuck: leaves its way"
+        if not keeps:
+            return None, ""
+        command = self._go_round(view, seen.get(head), back, limits)
+        if command is not None:
+            return self._escape.free(view, command), f"drives round {names.robot_name(head)}"
+        backs_up = self._asking is not None and seen[self._asking].x > 0.0
+        return None, f"makes room for {names.robot_name(self._asking)}" if backs_up else ""
+
+    def _find_asking(
+        self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int], driven_on: float
+    ) -> tuple[int | None, dict[int, Pose2]]:
+        """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
+
+        And where those of the robots `before` are that may do so, in the own base frame.
+        """
+        head, asked = before[-1], {before[0], before[-1], self._asking, *stopped}
+        found = ((robot, view.base_from_robot(robot)) for robot in before if robot in asked)
+        seen = {robot: at[0] for robot, at in found if at is not None}
+        is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
+        if driven_on and before[0] in seen:
+            seen[before[0]] = seen[before[0]]._replace(x=seen[before[0]].x + driven_on)
+        for robot, at in seen.items():
+            near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0
+            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
+            if robot in stopped or is_near:
+                return robot, seen
+        return None, seen
+
+    def _go_round(self, view: View, head: Pose2 | None, back: float, limits: SpeedLimits) -> Twist | None:
+        """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""
+        apart = math.inf if head is None else math.hypot(head.x, head.y)
+        if head is None or apart > FACED or head.inverse().x <= 0.0:
+            self._faced_since = None
+        elif self._faced_since is None and head.x > 0.0 and apart < FACING:
+            self._faced_since = view.now
+        if head is None or self._faced_since is None or view.now - self._faced_since <= FACED_FOR:
+            return None
+        x, y, _ = head.compose(Pose2(-back, 0.0, 0.0))
+        if self._around.find_heading(view, math.atan2(y, x), math.hypot(x, y)) is None:
+            return None
+        return self._around.drive_to(view, x, y, limits)
+
+
+def find_stopped(view: View) -> Set[int]:
+    """The robots that say that this one is in their way."""
+    statuses = view.inputs.get("statuses") or {}
+    return {robot for robot, status in statuses.items() if status.blocked_by == view.robot_id}
+
+
+def is_too_near(ahead: Pose2) -> bool:
+    """Whether a robot has to drive back from the one at `ahead` (own base frame)."""
+    back = ahead.inverse()
+    is_met = back.x > 0.0 and max(abs(ahead.y), abs(back.y)) < BESIDE
+    return ahead.x > 0.0 and math.hypot(ahead.x, ahead.y) < (MET if is_met else NEAR)
+
+
+def back_up(own: Pose2, path: Polyline, place: float) -> Twist:
+    """The velocity back along the way behind `place`."""
+    x, y = own.locate(*path.point(place - LOOK_AHEAD))
+    square = x * x + y * y
+    turn = 0.0 if x >= 0.0 or square < 1e-4 else -BACK_SPEED * curvature_to(y, square)
+    return Twist(Vector3(-BACK_SPEED), Vector3(z=max(-1.0, min(1.0, turn))))

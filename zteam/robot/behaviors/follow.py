@@ -13,9 +13,8 @@ from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.trail import LineMember, head_comes_round
-from zteam.robot.behaviors.wander import Wander
+from zteam.robot.behaviors.wander import Avoid, Forward, Idle, Wander
 from zteam.robot.view import View
 
 

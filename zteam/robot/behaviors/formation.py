@@ -18,12 +18,10 @@ from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Around, Escape
+from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn, Escape, Stray
 from zteam.robot.behaviors.line import STATUSES, see_robot
-from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
 from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
-from zteam.robot.scans import beams_of, is_clear
-from zteam.robot.view import NO_POSE, View, own_pose
+from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
 _RISE = math.sqrt(0.5)

@@ -11,8 +11,7 @@ from zteam.geometry import FAR, Pose2, normalize_angle, yaw_from_quaternion
 from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Escape
-from zteam.robot.scans import first_clear, is_clear, is_seen, look_along
-from zteam.robot.view import NO_POSE, View, own_pose
+from zteam.robot.view import NO_POSE, View, first_clear, is_clear, is_seen, look_along, own_pose
 
 REFUSED = "the goal is refused: "
 """Begins every reason for which a goal is not taken."""

@@ -19,8 +19,7 @@ from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.formation import Formation
 from zteam.robot.behaviors.go_to import GoTo
 from zteam.robot.behaviors.path import FollowPath
-from zteam.robot.behaviors.straight import Avoid, Forward, Idle
-from zteam.robot.behaviors.wander import Wander
+from zteam.robot.behaviors.wander import Avoid, Forward, Idle, Wander
 from zteam.robot.parameters import Parameter, parameters_of
 
 _ZTEAM = str(Path(__file__).parents[2])

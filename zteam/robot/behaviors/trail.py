@@ -11,7 +11,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Around, Escape
+from zteam.robot.behaviors.evasion import Around, Escape, Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,
@@ -24,10 +24,8 @@ from zteam.robot.behaviors.line import (
     see_robot,
     waits_for,
 )
-from zteam.robot.behaviors.line_room import Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue
-from zteam.robot.scans import is_clear, is_seen
-from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
+from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
 
 log = logging.getLogger("zteam")
 

@@ -180,7 +180,8 @@ class Driver:
             self._heard_from = monotonic()
         heard_from = 0.0 if in_lockstep else max(self._heard_from, FREEZES.look())
         silent = inputs.silent(now if in_lockstep else None, heard_from)
-        return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
+        robots = None if due.tick is None else self._node.part.robots
+        return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent, robots=robots)
 
     def _note(self, due: Due, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:
         """Report a step, with the reason why it does not do what was wanted; its command."""

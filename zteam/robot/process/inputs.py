@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Set
 from types import MappingProxyType
 from typing import Any
 
@@ -129,11 +129,8 @@ class RobotInputs:
         """The fixed frames that the base itself publishes: a robot needs no aggregator to know where its laser is."""
         self._has_fixed = False
         self._lasers = LaserMounts(robot_id, self.transforms.buffer, self._fixed)
-        self.bases: Mapping[int, Base] = {}
-        """The bases of the robots by id: of all that have told theirs; in lock-step of those of the tick."""
         self._told: dict[int, Base] = {}
-        self._robots: frozenset[int] | None = None
-        """Whose bases `bases` has, in lock-step."""
+        """The bases of the robots that have told theirs, by id."""
 
     def on_scan(self, scan: LaserScan) -> None:
         before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)
@@ -150,7 +147,6 @@ class RobotInputs:
         if robot_id == self._id:
             self.base = override_base(base_of(message), self._override)
         self._told[robot_id] = base_of(message)
-        self.bases, self._robots = dict(self._told), None
 
     def on_fixed(self, message: TFMessage) -> None:
         """Fixed frames of the own base have come, of one of its processes: they are merged by child frame."""
@@ -212,12 +208,8 @@ class RobotInputs:
             log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", key)
 
     def has_bases(self, robots: frozenset[int]) -> bool:
-        """Whether the bases of all robots of a tick have come; from then on `bases` has theirs alone."""
-        if self._robots != robots:
-            if not robots <= self._told.keys():
-                return False
-            self.bases, self._robots = {i: self._told[i] for i in sorted(robots)}, robots
-        return True
+        """Whether the bases of all robots of a tick have come."""
+        return robots <= self._told.keys()
 
     def lacking(self, stamp: int, *, tf: bool = True, connected: bool = False) -> list[str]:
         """The keys whose data of time `stamp` has not come, or at all that of `base_info` and the base's fixed frames.
@@ -248,8 +240,11 @@ class RobotInputs:
         *,
         is_first: bool = False,
         silent: Set[int] = frozenset(),
+        robots: Set[int] | None = None,
     ) -> View:
         """What the behaviour sees at time `now` (ns), `dt` seconds after its last step. For `silent` see there.
+
+        `robots` are those of the tick in lock-step: no other base counts then.
 
         In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
@@ -269,7 +264,7 @@ class RobotInputs:
             odom=self.odom,
             lookup=self.transforms.find_pose,
             base=self.base,
-            bases=self.bases,
+            bases={i: base for i, base in sorted(self._told.items()) if robots is None or i in robots},
             team=team,
             inputs=MappingProxyType(declared),
             silent=silent,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import msgspec
 
@@ -27,7 +27,7 @@ from zteam.messages.base import DEFAULT_BASE
 from zteam.node.faults import dump_stacks, stacks_in
 from zteam.robot.behaviors.behavior import Behavior, ask, decide
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
-from zteam.robot.behaviors.straight import Forward, ForwardParams
+from zteam.robot.behaviors.wander import Forward, ForwardParams
 from zteam.robot.safety.layer import SafetyLayer
 from zteam.robot.safety.motion import BaseLimits
 from zteam.robot.trials.situations import (
@@ -246,38 +246,32 @@ def _try_bounds(trial: Trial) -> None:
                 trial.step(changed, view)
 
 
-class Start(NamedTuple):
-    """Where both robots of a trial begin, in `map`, and the speed of the other one (m/s)."""
-
-    own: Pose2
-    other: Pose2
-    speed: float = 0.0
-
-
 PLACES = {
-    "a robot stands in its way": Start(Pose2(-1.0, 0.0, 0.0), Pose2(0.8, 0.0, math.pi)),
-    "a robot drives towards it": Start(Pose2(-2.0, 0.0, 0.0), Pose2(2.5, 0.1, math.pi), 0.4),
-    "a wall is right behind it": Start(Pose2(-4.4, 0.0, 0.0), Pose2(-2.0, 1.0, -0.5 * math.pi), 0.3),
-    "it starts in a corner": Start(Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
+    "a robot stands in its way": (Pose2(-1.0, 0.0, 0.0), Pose2(0.8, 0.0, math.pi), 0.0),
+    "a robot drives towards it": (Pose2(-2.0, 0.0, 0.0), Pose2(2.5, 0.1, math.pi), 0.4),
+    "a wall is right behind it": (Pose2(-4.4, 0.0, 0.0), Pose2(-2.0, 1.0, -0.5 * math.pi), 0.3),
+    "it starts in a corner": (Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
 }
-"""By the name of the trial."""
+"""By the name of the trial: where the robot and another one begin, in `map`, and the speed of the other one (m/s)."""
 _WORLD = cache(lambda: load_world(find_world("arena")))
 
 
 def drive(
-    step: Callable[[View], tuple[Twist, str]], place: Start, inputs: Mapping[str, Any], contacts: list[Pose2]
-) -> tuple[float, float]:
+    step: Callable[[View], tuple[Twist, str]],
+    place: tuple[Pose2, Pose2, float],
+    inputs: Mapping[str, Any],
+    contacts: list[Pose2],
+) -> float:
     """Drive in the simulator for SECONDS with the velocities and reasons of `step`; `inputs` are those of its views.
 
-    Returns metres, and seconds in which the safety layer held the robot. Adds to `contacts` its pose of each tick in
-    which it stands against something.
+    Returns metres. Adds to `contacts` its pose of each tick in which it stands against something.
     """
-    world, starts = _WORLD(), {LEADER: place.other, ROBOT: place.own}
+    world, starts = _WORLD(), {LEADER: place[1], ROBOT: place[0]}
     robots = {i: add_robot(world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
-    engine, other = Engine(world, robots=robots), Forward(ForwardParams(place.speed))
+    engine, other = Engine(world, robots=robots), Forward(ForwardParams(place[2]))
     layers = {i: SafetyLayer() for i in robots}
     commands: dict[int, Twist] = {}
-    at, travelled, held = place.own, 0.0, 0.0
+    at, travelled = place[0], 0.0
     for _ in range(round(SECONDS / DT)):
         observation = engine.step(commands)
         robot = observation.robots[ROBOT]
@@ -286,23 +280,21 @@ def drive(
             contacts.append(at)
         view = _view(observation, ROBOT, inputs)
         wanted, reason = step(view)
-        commands[ROBOT], cause = layers[ROBOT].limit(wanted, view, reason)
-        held += DT if cause else 0.0
+        commands[ROBOT], _cause = layers[ROBOT].limit(wanted, view, reason)
         commands[LEADER], _reason = decide(other, _view(observation, LEADER, {}), layers[LEADER])
-    return travelled, held
+    return travelled
 
 
-def _drive(place: Start, trial: Trial) -> None:
+def _drive(place: tuple[Pose2, Pose2, float], trial: Trial) -> None:
     contacts, behavior = list[Pose2](), trial.make()
     try:
-        travelled, held = drive(partial(trial.step, behavior), place, empty_messages(trial.kind.inputs), contacts)
+        travelled = drive(partial(trial.step, behavior), place, empty_messages(trial.kind.inputs), contacts)
     finally:
         if contacts:
             x, y, _ = contacts[0]
             seconds = DT * len(contacts)
             trial.blame("touched", f"it drove against something for {seconds:.1f} s, at x {x:.1f}, y {y:.1f}")
     trial.note = f"{travelled:.1f} m in {SECONDS:g} s"
-    trial.note += f"; the safety layer held it for {held:.1f} s" if held else ""
 
 
 def _view(observation: Observation, robot_id: int, inputs: Mapping[str, Any]) -> View:

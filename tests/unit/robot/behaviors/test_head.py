@@ -9,8 +9,8 @@ from zteam.behaviors import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
+from zteam.robot.behaviors.evasion import Head
 from zteam.robot.behaviors.line import LineRole
-from zteam.robot.behaviors.line_room import Head
 
 START = Pose2(0.0, 0.0, 0.0)
 SPEED = 0.4

@@ -1,4 +1,4 @@
-"""line_room: when a robot drives back from those ahead, and when it leaves its trail and takes it again."""
+"""When a robot drives back from those ahead, and when it leaves its trail and takes it again."""
 
 import math
 
@@ -6,14 +6,14 @@ import pytest
 
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.line import LineRole
-from zteam.robot.behaviors.line_room import (
+from zteam.robot.behaviors.evasion import (
     FRUITLESS,
     MakingRoom,
     back_up,
     find_stopped,
     is_too_near,
 )
+from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.path import Polyline, SpeedLimits
 from zteam.testing import make_view
 

@@ -8,7 +8,7 @@ import pytest
 from support.flat_floor import make_scan
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import LaserScan
-from zteam.robot.scans import beams_of, is_seen, look_ahead, look_along, read_beams
+from zteam.robot.view import beams_of, is_seen, look_ahead, look_along, read_beams
 from zteam.transforms.lasers import turn_scan
 
 CONE = math.radians(60.0)

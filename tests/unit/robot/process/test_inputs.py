@@ -88,10 +88,9 @@ def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> Non
     assert not inputs.has_bases(robots)
     inputs.on_base_info(3, BaseInfo(model="model 3"))
     assert inputs.has_bases(robots)
-    assert {i: base.model for i, base in inputs.bases.items()} == {2: "model 2", 3: "model 3"}
-    bases = inputs.bases
-    assert inputs.has_bases(robots)
-    assert inputs.bases is bases
+    bases = inputs.view(S, 0.1, (), robots=robots).bases
+    assert {i: base.model for i, base in bases.items()} == {2: "model 2", 3: "model 3"}
+    assert [*inputs.view(S, 0.1, ()).bases] == [1, 2, 3, 5]
 
 
 def test_the_first_tick_needs_the_base_and_the_fixed_frames() -> None:

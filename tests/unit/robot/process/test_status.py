@@ -27,7 +27,7 @@ from zteam.messages import (
 from zteam.node import node as node_module
 from zteam.node.stopping import StopReply
 from zteam.reasons import Reason
-from zteam.robot.behaviors.straight import Idle
+from zteam.robot.behaviors.wander import Idle
 from zteam.robot.process import node as robot_module
 from zteam.robot.process.driver import SafetyLog
 

@@ -10,8 +10,8 @@ from zteam.behaviors import SafetyLayer, View
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.messages.base import DEFAULT_BASE, Base
+from zteam.robot.safety.layer import FOLLOWING_GAP, MAX_GROWTH, TEAMMATE_GAP, NearTeammate, TeammateTracker
 from zteam.robot.safety.motion import outline_of
-from zteam.robot.safety.surroundings import FOLLOWING_GAP, GAP, MAX_GROWTH, NearTeammate, TeammateTracker
 
 START = 100 * TICK
 BEAMS = 541
@@ -127,8 +127,8 @@ def stops_at(speed: float, behind: bool = False, age: float = 0.0) -> float:
 
 def test_it_stops_before_a_teammate_that_no_beam_shows() -> None:
     """At 0.3 m, forwards and backwards."""
-    assert stops_at(0.2) == pytest.approx(GAP, abs=0.05)
-    assert stops_at(-0.2, behind=True) == pytest.approx(GAP, abs=0.05)
+    assert stops_at(0.2) == pytest.approx(TEAMMATE_GAP, abs=0.05)
+    assert stops_at(-0.2, behind=True) == pytest.approx(TEAMMATE_GAP, abs=0.05)
 
 
 def test_the_outline_grows_with_the_age_of_the_pose() -> None:
@@ -154,7 +154,7 @@ def test_a_moving_teammate_takes_up_its_way() -> None:
     come nearer to."""
     comes = near(Pose2(1.57, 0.0, math.pi), Pose2(1.5, 0.0, math.pi))
     assert comes is not None
-    assert comes.gap == GAP
+    assert comes.gap == TEAMMATE_GAP
     way = 0.7 * 0.1 + 0.5 * 0.7**2
     assert comes.points[0].min() == pytest.approx(1.5 - FRONT - way)
     leaves = near(Pose2(0.83, 0.0, 0.0), Pose2(0.9, 0.0, 0.0))
@@ -186,8 +186,8 @@ def test_two_robots_that_close_in_stop_apart(tick: float) -> None:
         command, why = layer.limit(Twist(Vector3(1.0)), make_view(scan, now=now, dt=tick, team=(0, 1), lookup=look))
         own += tick * command.linear.x
         # It brakes with 1 m/s² when it is within its own way to stand.
-        room = other - own - FRONT - REAR - GAP
+        room = other - own - FRONT - REAR - TEAMMATE_GAP
         mates = min(mates, max(0.0, math.sqrt(tick**2 + 2.0 * max(0.0, room - 0.5)) - tick))
         other -= tick * mates
-        assert other - own - FRONT - REAR >= GAP - 0.01
+        assert other - own - FRONT - REAR >= TEAMMATE_GAP - 0.01
     assert why == "robot_1 ahead"
