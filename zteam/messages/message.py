@@ -144,10 +144,8 @@ def _field(name: str, hint: Any, place: str) -> Field:
 
 @cache
 def definition_of(kind: type[Message]) -> str:
-    """The type's fields as in ROS 2's `.msg` files, then those of all types that it holds, as in `ros2msg` schemas.
-
-    A foreign reader decodes zteam's bytes by it. Constants are left out.
-    """
+    """The type's fields as in ROS 2's `.msg` files, then those of all types that it holds, as in `ros2msg` schemas, by
+    which foreign readers decode zteam's bytes. Constants are left out."""
     texts: dict[type[Message], str] = {}
 
     def describe(held: Any) -> None:
@@ -222,10 +220,8 @@ def type_of_encoding(encoding: str) -> type[Message] | None:
 
 @lru_cache(maxsize=1024)
 def import_offered(package: str) -> None:
-    """Import the message types of `package`; a broken package is logged, because others may have the type.
-
-    Tools ask once for each message they see, so it is tried once.
-    """
+    """Import the message types of `package`, once: tools ask for each message that they see. A broken package is
+    logged, because others may have the type."""
     try:
         load_offered(MESSAGES, package)
     except UsageError as error:

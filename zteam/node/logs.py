@@ -74,7 +74,7 @@ class LogKeeper:
         """Forget the sinks, and the lock: a forked child has neither its parent's session nor its threads."""
         # Reentrant: the garbage collector may run code that logs while a line is taken.
         self._lock = threading.RLock()
-        self._sinks: tuple[Sink, ...] = ()
+        self._sinks: dict[Sink, None] = {}
 
     def begin(self) -> Callable[[], None]:
         """Keep lines from here on; returns a function, to be called once, that ends this.
@@ -130,16 +130,10 @@ class LogKeeper:
             lines = list(self._kept)
         return [msgspec.structs.replace(line, process=process) for line in lines if line.process in ("", process)]
 
-    def pass_to(self, sink: Sink) -> Callable[[], None]:
+    def pass_to(self, sink: Sink) -> Callable[[], object]:
         """Call `sink(line)` for each new line, in the thread that logs; returns a function that ends this."""
-        with self._lock:
-            self._sinks = (*self._sinks, sink)
-
-        def end() -> None:
-            with self._lock:
-                self._sinks = tuple(other for other in self._sinks if other is not sink)
-
-        return end
+        self._sinks[sink] = None
+        return partial(self._sinks.pop, sink, None)
 
     def _take(self, record: logging.LogRecord) -> None:
         # None: `logging.makeLogRecord` makes an empty record first, to fill it with one of another process.
@@ -159,7 +153,7 @@ class LogKeeper:
             if self._sinks and not getattr(self._thread, "passing", False):
                 self._thread.passing = True
                 try:
-                    for sink in self._sinks:
+                    for sink in [*self._sinks]:
                         sink(line)
                 finally:
                     self._thread.passing = False

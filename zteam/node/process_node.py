@@ -384,10 +384,7 @@ def run_node(
     clock: ClockMode,
     make: Callable[[str, Bus, Stop, ClockMode], N],
 ) -> int:
-    """Run `body(node)` as a command: signals, orderly stop, hard exit, and the interpreter set up for one node.
-
-    Returns the command's exit code.
-    """
+    """Run `body(node)` as a command, with signals, hard exit and an interpreter set up for one node; its exit code."""
 
     def tuned(node: N) -> None:
         # What start-up made stays: the collector need not look through it again and again.

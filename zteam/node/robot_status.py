@@ -37,10 +37,7 @@ def go_epoch(team: messages.TeamStatus | None, now: int) -> int:
 
 
 class Readiness:
-    """BOOT until the robot has all its data, READY until GO, then RUNNING: the state of one robot, and the reason.
-
-    GO is never taken back.
-    """
+    """The state of one robot, and the reason: BOOT until it has all its data, READY until GO, then RUNNING for good."""
 
     def __init__(self, *, gated: bool, way_out: str = "zteam-monitor; --no-gate drives at once") -> None:
         """Without `gated` the robot drives at once. `way_out` is what a user may do while the robot waits for GO."""
@@ -106,10 +103,7 @@ class ReasonLog:
         """By reason: when it held last."""
 
     def admit(self, reason: str, now: int, *, is_known: bool = False) -> bool:
-        """Whether to print a reason that holds at time `now` (ns); not if it `is_known` to the reader already.
-
-        Called in each step, or with each change alone.
-        """
+        """Whether to print a reason that holds at time `now` (ns); not if it `is_known` to the reader already."""
         logged = self._logged = {each: held for each, held in self._logged.items() if abs(now - held) < REST}
         if not reason or (reason not in logged and len(logged) >= _MOST):
             return False

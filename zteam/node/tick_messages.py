@@ -46,11 +46,8 @@ def tick_of(message: Message, open_stamp: int) -> int:
 
 
 def precedence(message: Message) -> tuple[int, bytes]:
-    """Which message comes first of several that different senders sent in one tick, on one key: the smallest.
-
-    The newest stamp, and else the content, decides: neither the order in which they come nor the sessions' ids, which
-    are other ones in each run.
-    """
+    """Which message comes first of several that different senders sent in one tick, on one key: by the newest stamp,
+    else by content. Neither arrival nor the sessions' ids decide: both differ from run to run."""
     return -stamp_of(message), encode(message)
 
 

@@ -30,10 +30,7 @@ class TokenSet(dict[str, set[str]]):
         """By instance."""
 
     def take(self, name: str, instance: str, alive: bool) -> bool:
-        """A token came or went; True if with it the name got its first holder or lost its last one.
-
-        A token that comes twice changes nothing, nor does the loss of an unknown one.
-        """
+        """A token came or went; True if with it the name got its first holder or lost its last one."""
         was_held = name in self
         for table, one, other in ((self, name, instance), (self._names, instance, name)):
             found = table.setdefault(one, set())

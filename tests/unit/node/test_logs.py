@@ -381,19 +381,6 @@ def test_history_and_new_lines_are_one_log(hub: MemoryHub) -> None:
     assert not reader.pending()
 
 
-def test_many_that_join_are_asked_with_one_question(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Any program may hold tokens, of any names."""
-    reader = read(hub)
-    late = Talker(hub, "robot_7", LogLine(1, "robot_7", 20, "starting"))
-    for number in range(1000):
-        late.bus.declare_token(names.token_key(f"z{number}", "a"))
-    transport, asked = reader._bus.transport, list[str]()
-    ask = transport.get
-    monkeypatch.setattr(transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
-    assert reader.fetch_joined() == {"robot_7"}
-    assert (len(asked), found_by(reader)) == (1, [("robot_7", "starting")])
-
-
 def test_a_line_is_of_the_process_whose_key_it_came_on(hub: MemoryHub) -> None:
     """Access control protects the key, not what is in an answer; numbers out of bounds make no line."""
     Talker(hub, "robot_2", line(1, "robot_0"))

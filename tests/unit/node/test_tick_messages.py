@@ -65,7 +65,7 @@ def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[R
 
 
 @pytest.fixture
-def _keeps_few(monkeypatch: pytest.MonkeyPatch) -> None:
+def keeps_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A node keeps fewer messages than it does."""
     monkeypatch.setattr(tick_messages, "MOST", MOST)
     monkeypatch.setattr(tick_messages, "MOST_OF_KEY", MOST_OF_KEY)
@@ -141,9 +141,8 @@ def test_data_of_a_far_tick_delays_no_message_for_good(key: str, stamp: int) -> 
     assert "robot_0/status" in waiting.next()
 
 
-@pytest.mark.usefixtures("_keeps_few")
 @pytest.mark.parametrize("due", [None, 3 * TICK])
-def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
+def test_one_key_does_not_keep_out_the_others(due: int | None, keeps_few: None) -> None:
     """A node that hears no tick keeps so many messages of a key, and those of other keys besides, MOST in all; when
     they are handled, there is room again. One session after the other may send them."""
     waiting = Waiting()
@@ -156,8 +155,7 @@ def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
     assert not (waiting.messages._ticks.keys() - {("a", "near/distance")})
 
 
-@pytest.mark.usefixtures("_keeps_few")
-def test_what_a_step_would_wait_for_in_a_far_tick_is_refused() -> None:
+def test_what_a_step_would_wait_for_in_a_far_tick_is_refused(keeps_few: None) -> None:
     """It would stay for ever: MOST of them leave room for all others."""
     waiting = Waiting()
     far = 2 * TICK + MAX_AHEAD + 1
@@ -175,8 +173,7 @@ def test_a_stamp_tells_the_tick_also_before_that_tick_comes(message: Message, ti
     assert tick_of(message, 3 * TICK) == tick * TICK
 
 
-@pytest.mark.usefixtures("_keeps_few")
-def test_a_robot_takes_the_last_message_of_each_tick() -> None:
+def test_a_robot_takes_the_last_message_of_each_tick(keeps_few: None) -> None:
     """The message of the tick before stays until its step; of two of one tick the last one counts, and none waits that
     another has replaced."""
     waiting = Waiting()
