@@ -101,6 +101,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
+    if colon and module.endswith(".py"):
+        raise UsageError(f"no behaviour {spec!r} (did you mean {module[:-3].replace('/', '.')}:{name}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, load_named(f"behaviour {spec!r}", module, name))
     found = load_offered(GROUP, spec)
