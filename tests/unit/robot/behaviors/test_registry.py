@@ -176,7 +176,7 @@ def test_a_users_class_is_found(folder: Path) -> None:
         ("my_robots.mine", "package.module:Class"),
         ("my_robots.mine:", "package.module:Class"),
         ("my_robots..mine:Spin", "package.module:Class"),
-        ("my_robots/mine.py:Spin", "package.module:Class"),
+        ("my_robots/mine.py:Spin", "did you mean my_robots.mine:Spin?"),
         ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
         ("my_robots.raising:Spin", "raising.py:1: RuntimeError: two lines"),
         ("ends:Robot", "ends.py:1: SystemExit: 3"),
