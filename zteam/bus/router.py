@@ -330,12 +330,6 @@ def find_strangers(options: BusOptions) -> list[str]:
     ]
 
 
-def detach() -> None:
-    """Fork away from the spawner, before Zenoh starts threads; the spawner's half ends here."""
-    if hasattr(os, "fork") and os.fork() != 0:
-        os._exit(0)
-
-
 def open_team_router(options: RouterOptions) -> Router:
     """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
 
