@@ -221,7 +221,7 @@ def keys_in(key_expr: str, robot_ids: Iterable[int]) -> list[str]:
     return [robot_key(robot_id, topic) for robot_id in robot_ids]
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=4096)
 def split_robot_key(key: str) -> tuple[int, str] | None:
     """(robot id, topic) of `robot_N/topic`, or None for any other key, wildcards included."""
     name, slash, topic = key.partition("/")
@@ -261,11 +261,10 @@ all_numbered = "{}$*".format
 """Wildcard over the topics of all devices of a kind, of which this is the stem."""
 
 
-@lru_cache(maxsize=4096)
 def is_robot_frame(frame: str, local: str) -> bool:
     """Whether `frame` is some robot's frame `local`."""
-    owner, _, rest = frame.partition("/")
-    return rest == local and robot_id_of(owner) is not None
+    target = split_robot_key(frame)
+    return target is not None and target[1] == local
 
 
 def resolve_frame(prefix: str, name: str) -> str:

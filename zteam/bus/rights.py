@@ -151,9 +151,8 @@ class RightCheck:
         tls = self._options.tls
         name = own_identity(tls)[0].rpartition(".")[0] if tls is not None else ""
         way_out = f"'zteam certs explain {name or 'NAME'}' lists what it may"
-        if use.verb == ANSWERS:
-            return f"the router hides the query {use.key}: this process's certificate may not answer it: {way_out}"
-        return f"the router drops {use.key}: this process's certificate may not publish it: {way_out}"
+        what, verb = ("hides the query", "answer") if use.verb == ANSWERS else ("drops", "publish")
+        return f"the router {what} {use.key}: this process's certificate may not {verb} it: {way_out}"
 
     def close(self) -> None:
         with self._changed:

@@ -308,32 +308,27 @@ def _version_of(config: str | None) -> tuple[int, ...]:
     return (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found is not None else ()
 
 
-def find_strangers(options: BusOptions) -> list[str]:
-    """The sessions at the router that are none of zteam's, each by its id and its addresses. Empty where the router
-    reports none.
+def find_strangers(options: BusOptions) -> tuple[str, list[str]]:
+    """The router's id, and the sessions there that are none of zteam's, each by its id and its addresses. Empty where
+    the router reports none.
 
     Every session of zteam answers for its declarations, in whatever namespace it is.
     """
     session = try_open(msgspec.structs.replace(options, namespace=None))
     if session is None:
-        return []
+        return "", []
     known, asked = {str(session.zid())}, declarations_key("*")
     with session:
         record = read_record(session)
         for key in (asked, f"*/{asked}"):
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
-    return [
+    strangers = [
         ", ".join([f"session {each.peer}", *(str(link.get("dst")) for link in each.links)])
         for each in (record.sessions if record else [])
         if each.peer not in known and each.whatami != "router"
     ]
-
-
-def detach() -> None:
-    """Fork away from the spawner, before Zenoh starts threads; the spawner's half ends here."""
-    if hasattr(os, "fork") and os.fork() != 0:
-        os._exit(0)
+    return (record.zid if record else ""), strangers
 
 
 def open_team_router(options: RouterOptions) -> Router:

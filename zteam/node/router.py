@@ -1,10 +1,11 @@
 """The router process. `python -m zteam.node.router ENDPOINT LEASE IDLE_EXIT` is the one on demand (`spawn_router`)."""
 
 import logging
+import os
 import sys
 
 from zteam.bus.options import RouterOptions
-from zteam.bus.router import Router, detach, open_team_router
+from zteam.bus.router import Router, open_team_router
 from zteam.errors import ZteamError
 from zteam.node.launcher import report
 from zteam.node.leaving import leave, show_name
@@ -18,8 +19,9 @@ def run_router(options: RouterOptions, *, announce: bool = False) -> int:
     """Route until a stop signal; one on demand forks away, and ends when it is idle. `announce` prints the first
     endpoint on stdout once it listens.
     """
-    if options.idle_exit is not None:
-        detach()
+    # Away from the spawner, whose half ends here, before Zenoh starts threads.
+    if options.idle_exit is not None and hasattr(os, "fork") and os.fork() != 0:
+        os._exit(0)
     stop = Stop()
     stop.install()
     router = open_team_router(options) if options.for_team else Router(options)

@@ -47,11 +47,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     graph = Graph(bus.declarations(), nodes)
     tree = TreeListener(bus)
     survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
-    strangers = find_strangers(options)
+    router_id, strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
     heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
-    admin = read_admin(options)
-    router_id = admin.zid if admin else ""
 
     def name_of(sample: RawSample) -> str:
         # A router that is not zteam's stamps the samples of sessions that do not.
