@@ -235,7 +235,8 @@ def test_a_map_of_another_size_is_planned_on_anew() -> None:
     assert robot.state is NavigationState.DRIVING
     robot.robot.set_map(box(2.0))
     assert robot.step() == STOP
-    assert (robot.state, robot.text) == (NavigationState.ABORTED, "the goal (2.00, 0.00) is outside of the map, or not finite")
+    assert robot.state is NavigationState.ABORTED
+    assert robot.text == "the goal (2.00, 0.00) is outside of the map, or not finite"
     robot.go(0.5)
     robot.step()
     assert robot.state is not NavigationState.ABORTED
