@@ -293,14 +293,14 @@ def test_a_robot_may_leave_the_plane() -> None:
 
 def test_a_very_deep_chain_is_not_called_a_loop() -> None:
     """A chain of any depth is walked (tf2 stops at a thousand frames), and static edges hold at any time."""
-    buffer = chain(1500)
-    for time in (0, 1, 10**18):
-        found = buffer.lookup_transform("f1500", "f700", time)
-        assert found.transform.translation.x == -800.0
+    buffer = chain(1100)
+    for time in (0, 10**18):
+        found = buffer.lookup_transform("f1100", "f50", time)
+        assert found.transform.translation.x == -1050.0
         assert (ns_from_time(found.header.stamp), found.header.frame_id, found.child_frame_id) == (
             time,
-            "f1500",
-            "f700",
+            "f1100",
+            "f50",
         )
 
 

@@ -74,11 +74,11 @@ def to_three_values(grid: GridMap, free: float, occupied: float) -> GridMap:
     return make_map(cells.astype(np.int8), grid.frame.resolution, grid.frame.origin)
 
 
-def map_message(grid: GridMap) -> OccupancyGrid:
-    """A map in the frame `map`, with stamp 0: it holds at all times."""
-    frame = grid.frame
-    info = MapMetaData(Time(), frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
-    return OccupancyGrid(Header(Time(), names.MAP_FRAME), info, grid.cells.ravel())
+def map_message(grid: GridMap, stamp: Time | None = None) -> OccupancyGrid:
+    """A grid in the frame `map`; a map has the stamp 0, for it holds at all times."""
+    frame, stamp = grid.frame, stamp or Time()
+    info = MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
+    return OccupancyGrid(Header(stamp, names.MAP_FRAME), info, grid.cells.ravel())
 
 
 def map_grid(message: OccupancyGrid) -> GridMap:

@@ -10,7 +10,8 @@ from zteam.geometry import Pose2, Velocity, quaternion_from_yaw
 from zteam.messages.planar import pose_message
 from zteam.navigation.planning import costmap as costs
 from zteam.navigation.planning.costmap import Costmap, place
-from zteam.navigation.planning.grid import Floats
+from zteam.navigation.planning.grid import Floats, GridMap
+from zteam.navigation.planning.maps import map_message
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.process.costmaps import Costmaps
 from zteam.navigation.process.localisers import Localiser
@@ -48,9 +49,8 @@ class _ShownCostmap:
             self.due = -math.inf
         elif now / 1e9 >= self.due - 1e-6:
             self.due = now / 1e9 + self._interval
-            stamp, frame = messages.time_from_ns(now), costmap.frame
-            info = messages.MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
-            self._publisher.put_owned(messages.OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
+            grid = GridMap(costmap.frame, _VALUES[costmap.costs])
+            self._publisher.put_owned(map_message(grid, messages.time_from_ns(now)))
 
 
 class Outputs:

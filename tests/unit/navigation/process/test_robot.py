@@ -145,7 +145,7 @@ def test_a_scan_that_stays_away_stops_it() -> None:
     assert robot.step(9).x > 0.0
     assert robot.step(3) == STOP
     assert robot.text == "no scan on robot_0/base_scan for 1 s"
-    robot.step(305)
+    robot.step(155)
     assert robot.state is NavigationState.DRIVING
     robot.sees = True
     assert robot.step().x > 0.0
@@ -158,7 +158,7 @@ def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
     robot = driving(localizer)
     robot.moves = False
     robot.step(12)
-    assert robot.step(300) == STOP
+    assert robot.step(150) == STOP
     told = "pose of robot_0/base_footprint in map" if localizer == "none" else "no transforms from robot_0/odom"
     assert told in robot.text
     robot.moves = True
@@ -171,7 +171,7 @@ def test_it_waits_for_a_robot_that_is_silent() -> None:
     robot = driving()
     status = RobotStatus(Header(time_from_ns(robot.now)), state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
     robot.inputs.newest[names.STATUS] = status
-    assert robot.step(300) == STOP
+    assert robot.step(150) == STOP
     assert (robot.text, robot.robot.navigator.recoveries) == ("robot_0 is silent", 0)
     status.header.stamp = time_from_ns(robot.now)
     assert robot.step().x > 0.0
@@ -235,7 +235,8 @@ def test_a_map_of_another_size_is_planned_on_anew() -> None:
     assert robot.state is NavigationState.DRIVING
     robot.robot.set_map(box(2.0))
     assert robot.step() == STOP
-    assert (robot.state, robot.text) == (NavigationState.ABORTED, "the goal (2.00, 0.00) is outside of the map")
+    assert robot.state is NavigationState.ABORTED
+    assert robot.text == "the goal (2.00, 0.00) is outside of the map, or not finite"
     robot.go(0.5)
     robot.step()
     assert robot.state is not NavigationState.ABORTED
@@ -302,9 +303,9 @@ def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
 def test_it_waits_without_an_end_for_a_robot_that_does_not_obey_yet(status: RobotStatus, text: str) -> None:
     """Before GO, while a person drives, and while it is stopped; no recovery begins."""
     robot = driving()
-    status.header.stamp = time_from_ns(robot.now + 300 * TICK)
+    status.header.stamp = time_from_ns(robot.now + 150 * TICK)
     robot.inputs.newest[names.STATUS] = status
-    assert robot.step(300) == STOP
+    assert robot.step(150) == STOP
     assert (robot.state, robot.text) == (NavigationState.DRIVING, text)
     assert robot.robot.navigator.recoveries == 0
     status.state, status.driver, status.is_stopped = RobotState.RUNNING, RobotDriver.NAVIGATION, False
