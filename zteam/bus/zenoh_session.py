@@ -17,6 +17,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
+from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.transport import (
     TIMED_OUT,
@@ -51,6 +52,8 @@ _CACHE = zenoh.ext.CacheConfig(1)
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
+LOOK_PERIOD = 30.0
+"""Host seconds without news after which all tokens are looked at."""
 _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LATCHED_TIMEOUT = 10.0
@@ -80,7 +83,9 @@ class Aside:
     wait for them, and each costs a process 40 KB.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period: float | None = None, on_idle: Callable[[], None] = lambda: None) -> None:
+        """Each time nothing has come for `period` host seconds, `on_idle()` is called on the thread."""
+        self._period, self._on_idle = period, on_idle
         self._waiting: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="bus", daemon=True)
         self._thread.start()
@@ -96,7 +101,13 @@ class Aside:
         let_end(self._thread)
 
     def _work(self) -> None:
-        while (work := self._waiting.get()) is not None:
+        while True:
+            try:
+                work = self._waiting.get(timeout=self._period)
+            except queue.Empty:
+                work = self._on_idle
+            if work is None:
+                return
             work()
 
 
@@ -216,8 +227,43 @@ class ZenohPublisher(Handle):
                 raise
 
 
-def _token_callback(handler: TokenHandler) -> Callable[[zenoh.Sample], None]:
-    return lambda token: handler(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+class TokenWatch(Handle):
+    """Tells a handler of tokens that are there, come or go. `receive` and `look` are called on one thread."""
+
+    def __init__(self, session: zenoh.Session, key_expr: str, handler: TokenHandler, thread: Aside) -> None:
+        """The handler is called on `thread`. Raises zenoh.ZError."""
+        self._session, self._key_expr, self._handler = session, key_expr, handler
+        self._alive: set[str] = set()
+        self._missing: set[str] = set()
+        """Those that were alive, and that the last look did not find."""
+
+        def on_token(sample: zenoh.Sample) -> None:
+            self.receive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        callback = thread.callback(on_token)
+        super().__init__(partial(_undeclare, session.liveliness().declare_subscriber(key_expr, callback, history=True)))
+
+    def receive(self, key: str, alive: bool) -> None:
+        (self._alive.add if alive else self._alive.discard)(key)
+        self._handler(key, alive)
+
+    def look(self) -> None:
+        """Take those as gone that two answers of the router in a row did not have."""
+        begin = monotonic()
+        try:
+            replies = self._session.liveliness().get(self._key_expr, timeout=ROUTER_ANSWER)
+            there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        except zenoh.ZError as error:
+            log.debug("tokens: %s", error)
+            return
+        # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
+        if not there & self._alive or monotonic() - begin >= ROUTER_ANSWER:
+            return
+        missing = self._alive - there
+        for key in sorted(missing & self._missing):
+            log.debug("the end of %s was not told", key)
+            call(partial(self.receive, alive=False), key)
+        self._missing = missing
 
 
 def _reply(query: zenoh.Query, reply: Reply) -> None:
@@ -248,7 +294,7 @@ class ZenohTransport(Transport):
         self._links = LinkCount()
         self.up = True
         # Answers do not wait for what a change of presence leads to.
-        self._queries, self._presence = Aside(), Aside()
+        self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
         callback = self._presence.callback(self._on_transport)
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
         self._hold(session.info.declare_transport_events_listener(callback, history=True))
@@ -319,10 +365,17 @@ class ZenohTransport(Transport):
             raw = read_sample(sample)
             subscription.receive(raw, _writer_of(sample, raw))
 
+        def on_token(token: zenoh.Sample) -> None:
+            subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+
+        tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
         live = self._subscribe(key_expr, receive)
         # After it: what is published from then on comes, what was published before is asked for.
-        callback = zenoh.handlers.Callback(_token_callback(subscription.on_token), indirect=False)
-        watch = self._watch("subscribe to", latched_tokens_key(key_expr), callback)
+        watch = self._declare(
+            "subscribe to",
+            key_expr,
+            lambda: self._session.liveliness().declare_subscriber(tokens, callback, history=True),
+        )
         return Handle(watch.close, live.close)
 
     def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
@@ -375,13 +428,13 @@ class ZenohTransport(Transport):
         return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        return self._watch("watch", key_expr, self._presence.callback(_token_callback(handler)))
+        session, thread = self._session, self._presence
+        return self._keep(self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, thread)))
 
-    def _watch(self, action: str, key_expr: str, callback: Any) -> Closeable:
-        """A watch of tokens that are there, come or go."""
-        return self._declare(
-            action, key_expr, lambda: self._session.liveliness().declare_subscriber(key_expr, callback, history=True)
-        )
+    def _look_at_tokens(self) -> None:
+        for declared in list(self._open):
+            if isinstance(declared, TokenWatch):
+                declared.look()
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)
