@@ -238,12 +238,9 @@ class Engine:
         arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 
-    def observe_bases(self) -> Observation:
-        """What the bases sense now: no sensor and no other device measures."""
-        return self._assembled().observe(self.now, self.tick, bases_only=True)
-
-    def observe(self) -> Observation:
-        return self._assembled().observe(self.now, self.tick, bases_only=False)
+    def observe(self, *, bases_only: bool = False) -> Observation:
+        """What the robots sense now; with `bases_only` no sensor and no other device measures."""
+        return self._assembled().observe(self.now, self.tick, bases_only=bases_only)
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""

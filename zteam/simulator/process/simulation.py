@@ -104,7 +104,7 @@ class Simulation:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
         # complete when a robot has its scan.
-        bases = engine.observe_bases()
+        bases = engine.observe(bases_only=True)
         for output in outputs.values():
             output.put_transforms(bases)
         for output in outputs.values():

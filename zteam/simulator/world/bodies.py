@@ -12,7 +12,7 @@ from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, rea
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
-from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
@@ -184,7 +184,7 @@ def read_body(reader: Reader) -> Body:
             size = size if reader.has("size") else Size3(*floor.size, FLOOR_HEIGHT)
             pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
     elif not blocks:
-        sensing = device_models().get(entity.type)
+        sensing = MODELS.get(entity.type)
         has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
         blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []

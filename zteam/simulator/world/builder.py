@@ -16,7 +16,7 @@ from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
 from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
-from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
 from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Settings, read_units
@@ -168,7 +168,7 @@ class Builder:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
             self.obstacles.append(Obstacle(title, owner_from_model, shapes, markers=markers))
-        sensing = device_models().get(entity.type)
+        sensing = MODELS.get(entity.type)
         if sensing is not None and chassis is not None and isinstance(chassis.base, Robot):
             x, y, yaw = base_from_body
             chassis.devices.extend(sensing.read(reader, name, Pose3(x, y, lift, yaw)))
@@ -205,7 +205,7 @@ class Builder:
         return (FiducialMarker(number, reader.whole("fiducial_key", 0), *owner_from_model),)
 
     def _check_type(self, reader: Reader) -> None:
-        kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
+        kind, place, sensing = reader.entity.type, reader.entity.place, MODELS
         if kind in ("block", "sensor"):
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         known = TYPES | frozenset(sensing)
