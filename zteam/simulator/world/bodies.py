@@ -20,7 +20,24 @@ from zteam.simulator.world.text import find_file
 DARK = 127
 """A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
 
+BOUNDARY_THICKNESS = 0.01
+"""Metres: Stage's `boundary 1` is four slabs of this thickness."""
+LEAST_AREA = 1e-12
+"""Square metres: a block below a square micrometre is rounding, not a body."""
+DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
+RANGER_SIZE = Size3(0.15, 0.15, 0.2)
+FLOOR_HEIGHT = 1.0
+"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
+MIN_EXTENT = 1e-6
+MAX_POINTS = 256
+MAX_ALL_POINTS = 500_000
+"""Corners of all blocks of a world, once macros are expanded."""
+MAX_RECTANGLES = 256
+"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
+
 Box = tuple[int, int, int, int]
+Surface = tuple[float, bool, str]
+"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def read_bitmap(path: Path) -> Grid:
@@ -62,24 +79,12 @@ def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
     return sorted(done)
 
 
-BOUNDARY_THICKNESS = 0.01
-"""Metres: Stage's `boundary 1` is four slabs of this thickness."""
-
-
-LEAST_AREA = 1e-12
-"""Square metres: a block below a square micrometre is rounding, not a body."""
-
-
 class Block(NamedTuple):
     """A prism in units of its own: only its proportions to the model's other blocks count."""
 
     points: tuple[Point2, ...]
     z_min: float
     z_max: float
-
-
-Surface = tuple[float, bool, str]
-"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
@@ -142,18 +147,6 @@ def is_simple(points: tuple[Point2, ...]) -> bool:
     own = np.eye(len(corners), dtype=bool)
     touches &= ~(own | np.roll(own, 1, axis=1))
     return not (parted & parted.T).any() and not touches.any()
-
-
-DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
-RANGER_SIZE = Size3(0.15, 0.15, 0.2)
-FLOOR_HEIGHT = 1.0
-"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
-MIN_EXTENT = 1e-6
-MAX_POINTS = 256
-MAX_ALL_POINTS = 500_000
-"""Corners of all blocks of a world, once macros are expanded."""
-MAX_RECTANGLES = 256
-"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
 class Body(NamedTuple):

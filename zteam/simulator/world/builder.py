@@ -26,6 +26,19 @@ WHEEL_SEPARATION = 0.3
 """Metres between the wheels of a robot without a width."""
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
+MAX_INTERVAL_MS = 60_000
+FLOOR = 'model ( name "map" color "gray30" )'
+BUILT_IN = """
+# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
+# the body, so that robots see each other.
+define erratic position
+(
+  size [0.35 0.35 0.25]
+  origin [-0.05 0 0 0]
+  drive "diff"
+  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
+)
+"""
 
 
 def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
@@ -91,9 +104,6 @@ def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
     x, y, *_, yaw = reader.numbers("odom_error", "nna" if len(found.values) == 3 else "nnna", ())
     return x, y, yaw
-
-
-MAX_INTERVAL_MS = 60_000
 
 
 class Chassis(msgspec.Struct):
@@ -229,22 +239,6 @@ class Builder:
         number = self._unnamed.get(stem, 0)
         self._unnamed[stem] = number + 1
         return f"{stem}:{number}"
-
-
-BUILT_IN = """
-# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
-# the body, so that robots see each other.
-define erratic position
-(
-  size [0.35 0.35 0.25]
-  origin [-0.05 0 0 0]
-  drive "diff"
-  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
-)
-"""
-
-
-FLOOR = 'model ( name "map" color "gray30" )'
 
 
 def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:

@@ -16,6 +16,8 @@ from zteam.simulator.world.model import Device, Ranger, Robot
 from zteam.simulator.world.properties import Pose3, Reader, Size3
 
 MAX_SAMPLES = 100_000
+MAX_BUMPERS = 256
+MAX_PIXELS = 10_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
 
@@ -66,10 +68,6 @@ def _read_sensor(
         samples = 1
     variance, proportional, angular = reader.shares("noise", 3)
     return [Ranger(name, *pose, fov, samples, low, high, (variance, proportional, angular))]
-
-
-MAX_BUMPERS = 256
-MAX_PIXELS = 10_000
 
 
 class Finder(Device, frozen=True):

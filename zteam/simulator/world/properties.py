@@ -80,8 +80,6 @@ REMARKED: dict[str, tuple[str, float | None]] = {
 """Why each is ignored, and the value, if any, that changes nothing and so needs no remark."""
 
 _INDEX = re.compile(r"\[\d*\]")
-
-
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
 
