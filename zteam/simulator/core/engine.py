@@ -126,6 +126,9 @@ class RobotArrays:
         self.commanded = np.full(count, -WATCHDOG, np.int64)
         self.bases, self._wheels = make_bases(self._robots)
         self.odometry = WheelOdometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        self._state: list[np.ndarray] = [self.commands, self.commanded, self.bases.setpoint, self.bases.velocity]
+        self._state += [self.bases.start, self.bases.odom, self.odometry.counted]
+        """Arrays with a row for each robot, which it keeps when others come and go."""
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world.obstacles, plans)
@@ -140,11 +143,10 @@ class RobotArrays:
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]
-            self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
-            self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
+            for mine, theirs in zip(self._state, old._state, strict=True):
+                mine[here] = theirs[there]
             self.bases.angles[self._wheels[here]] = old.bases.angles[old._wheels[there]]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
-        self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
 
     def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:

@@ -171,7 +171,8 @@ class Simulation:
                 self.statistics.start(self._go, engine.tick, ids, poses)
                 self.profile.start()
                 self.pacer.start_anew()
-            self.statistics.add_tick(ids, poses, stalled, self.outputs.scan_counts)
+            scans = {robot_id: len(output.scans) for robot_id, output in self.outputs.items()}
+            self.statistics.add_tick(ids, poses, stalled, scans)
             if not end and run_for is not None and engine.now - self._go >= run_for * NS_PER_S:
                 end = f"{counted(run_for, 'simulated second')} after GO"
         if end and not self.boundary.finished:
