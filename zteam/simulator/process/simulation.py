@@ -154,11 +154,6 @@ class Simulation:
         """Simulated ns since GO; None before."""
         return None if self._go is None else self.engine.now - self._go
 
-    @property
-    def is_counting(self) -> bool:
-        """Whether a tick was counted since the start or the last reset."""
-        return self.statistics.go_stamp is not None
-
     def count(self) -> None:
         """Count the engine's tick if GO was given; finish the run if its time is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
@@ -167,7 +162,7 @@ class Simulation:
         end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
         if self._go is not None:
             ids, poses, stalled = engine.standing()
-            if not self.is_counting:
+            if self.statistics.go_stamp is None:
                 self.statistics.start(self._go, engine.tick, ids, poses)
                 self.profile.start()
                 self.pacer.start_anew()
