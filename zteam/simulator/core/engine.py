@@ -22,7 +22,7 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
-from zteam.simulator.core.devices import Detections, Devices
+from zteam.simulator.core.devices import Detections, prepare_devices
 from zteam.simulator.core.lasers import Lasers, Reading
 from zteam.simulator.core.motion import JOINTS, Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
@@ -136,7 +136,7 @@ class RobotArrays:
             self.bodies.adopt(old.bodies, kept)
         self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
-        self._devices = Devices(self._scene)
+        self._sense = prepare_devices(self._scene)
 
     def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
@@ -179,7 +179,7 @@ class RobotArrays:
         if not bases_only:
             self._scene.visible.move(poses)
         readings = None if bases_only else self._lasers.measure(poses, tick)
-        detections = {} if bases_only else self._devices.sense(poses)
+        detections = {} if bases_only else self._sense(poses)
         angles, rates = self.bases.angles.copy(), self.bases.rates.copy()
         places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
         velocity = self.bases.velocity.tolist()

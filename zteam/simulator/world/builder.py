@@ -166,7 +166,10 @@ class Builder:
         # What stands still has its own shapes and markers, but the map has its bitmap.
         base_from_model = owner_from_model if chassis else ORIGIN
         base_from_body, lift = base_from_model.compose(body.origin.planar), foot + body.origin.z
-        markers = self._read_markers(reader, body, base_from_model, chassis)
+        number = reader.whole("fiducial_return", 0)
+        if number and body.bitmap is not None and chassis is None:
+            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
+        markers = (FiducialMarker(number, reader.whole("fiducial_key", 0), *base_from_model),) if number else ()
         if chassis is not None:
             blocks = solid_blocks(body, reader)
             chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
@@ -203,16 +206,6 @@ class Builder:
             reader.fail("pushable", "a robot is moved by its drive: pushable is for other models")
         self.robots.append(Chassis(read_robot(reader, name, map_from_base, body)))
         return self.robots[-1]
-
-    def _read_markers(
-        self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
-    ) -> tuple[FiducialMarker, ...]:
-        number = reader.whole("fiducial_return", 0)
-        if number == 0:
-            return ()
-        if body.bitmap is not None and chassis is None:
-            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
-        return (FiducialMarker(number, reader.whole("fiducial_key", 0), *owner_from_model),)
 
     def _check_type(self, reader: Reader) -> None:
         kind, place, sensing = reader.entity.type, reader.entity.place, MODELS
