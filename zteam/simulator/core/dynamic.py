@@ -187,7 +187,6 @@ class DynamicBodies:
                 self._touching[i] = True
 
     def step(self, seconds: float, velocity: Floats) -> None:
-        """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
         if not self._bodies:
             return
         count = len(self._robots)

@@ -128,11 +128,6 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
     return tuple(shapes)
 
 
-def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
-    """The polygon without corners that repeat the one before; a last corner may repeat the first."""
-    return tuple(point for i, point in enumerate(points) if point != points[i - 1])
-
-
 @functools.lru_cache(256)
 def is_simple(points: tuple[Point2, ...]) -> bool:
     """Whether edges of the polygon meet only in the corners that they share."""
@@ -271,7 +266,8 @@ def _read_block(reader: Reader) -> Block | None:
     z_min, z_max = reader.numbers("z", "ll", (0.0, 1.0))
     if z_min > z_max:
         reader.fail("z", f"z: the smallest value {z_min:g} is above the largest {z_max:g}")
-    points = without_repeats(corners)
+    # A corner may repeat the one before, the last one the first.
+    points = tuple(point for i, point in enumerate(corners) if point != corners[i - 1])
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:
         reader.remark("points", "a block without an area is ignored")
         return None

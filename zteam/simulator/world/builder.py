@@ -52,6 +52,9 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
     a, b, c, d = reader.shares("odom_alphas", 4)
+    # Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw.
+    kinds = "nna" if len(reader.texts("odom_error")) == 3 else "nnna"
+    x, y, *_, yaw = reader.numbers("odom_error", kinds, (0.0, 0.0, 0.0))
     return Robot(
         name=name,
         model=reader.entity.name,
@@ -63,7 +66,7 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
         velocity=_read_limits(reader, "velocity_bounds") or Limits(),
         acceleration=_read_limits(reader, "acceleration_bounds"),
         localization=reader.choice("localization", "gps", ("gps", "odom")),
-        odom_error=_read_odom_error(reader),
+        odom_error=(x, y, yaw),
         odom_alphas=(a, b, c, d),
         wheel_radius=radius,
         wheel_separation=separation,
@@ -95,15 +98,6 @@ def _read_limits(reader: Reader, name: str) -> Limits | None:
         if low > high:
             reader.fail(name, f"{name}: the smallest {axis} {low:g} is above the largest {high:g}")
     return Limits(*pairs)
-
-
-def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
-    """Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw."""
-    found = reader.entity.properties.get("odom_error")
-    if found is None:
-        return (0.0, 0.0, 0.0)
-    x, y, *_, yaw = reader.numbers("odom_error", "nna" if len(found.values) == 3 else "nnna", ())
-    return x, y, yaw
 
 
 class Chassis(msgspec.Struct):
