@@ -9,7 +9,7 @@ import pytest
 from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
 from support.rooms import PICTURE, draw, layers
 from zteam.simulator.world import properties
-from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.devices import MODELS
 
 PACKAGES = ["behaviors", "errors", "messages", "planning", "sim", "testing", "tf", "world"]
 PUBLIC = {"zteam", *(f"zteam.{package}" for package in PACKAGES)}
@@ -122,8 +122,8 @@ def test_every_property_is_in_the_reference() -> None:
         *properties.SILENT.values(),
         properties.REMARKED,
         properties.TYPES,
-        device_models(),
-        *(model.properties for model in device_models().values()),
+        MODELS,
+        *(model.properties for model in MODELS.values()),
         properties._DISPLAY,
     )
     missing = {name.removesuffix("[]") for name in known} - named

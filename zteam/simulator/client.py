@@ -403,15 +403,9 @@ class SimulatorClient:
         return self.stand(SETTLE).status if status.paused else status
 
     def spawn(
-        self,
-        x: float,
-        y: float,
-        yaw: float = 0.0,
-        *,
-        model: str = "erratic",
-        robot_id: int | None = None,
+        self, x: float, y: float, yaw: float = 0.0, *, model: str = "erratic", robot_id: int | None = None,
         force: bool = False,
-    ) -> int:
+    ) -> int:  # fmt: skip
         """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given.
 
         Raises BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set.

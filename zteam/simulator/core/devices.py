@@ -148,21 +148,20 @@ PREPARE: dict[str, Prepare] = {
 """How devices sense, by topic."""
 
 
-class Devices:
-    """All devices of all robots, but for rangers."""
+def prepare_devices(scene: SensedWorld) -> Callable[[Floats], dict[int, Detections]]:
+    """What the devices of all robots detect, but for rangers, by the robot's index; `visible` is at the poses then."""
+    senses: list[tuple[str, list[int], Sense]] = []
+    for topic, prepare in PREPARE.items():
+        owned = [(i, device) for i, robot in enumerate(scene.robots) for device in KINDS[topic].of(robot)]
+        if owned:
+            senses.append((topic, [i for i, _ in owned], prepare(scene, owned)))
 
-    def __init__(self, scene: SensedWorld) -> None:
-        self._senses: list[tuple[str, list[int], Sense]] = []
-        for topic, prepare in PREPARE.items():
-            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in KINDS[topic].of(robot)]
-            if owned:
-                self._senses.append((topic, [i for i, _ in owned], prepare(scene, owned)))
-
-    def sense(self, poses: Floats) -> dict[int, Detections]:
-        """What every robot with devices detects, by the robot's index; `visible` has been moved to `poses`."""
+    def sense(poses: Floats) -> dict[int, Detections]:
         found: dict[int, dict[str, tuple[Any, ...]]] = {}
-        for topic, owners, sense in self._senses:
-            for i, detected in zip(owners, sense(poses), strict=True):
+        for topic, owners, detect in senses:
+            for i, detected in zip(owners, detect(poses), strict=True):
                 own = found.setdefault(i, {})
                 own[topic] = (*own.get(topic, ()), detected)
         return dict(found)
+
+    return sense

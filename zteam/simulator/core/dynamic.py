@@ -85,12 +85,10 @@ class _Builder:
         category, ground = self._filter(plan.z_min, plan.z_max), self._space.static_body
         i, j = lines[:, 0::2], lines[:, 1::2]
         ends = np.stack([x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v], axis=2)
-        # A few at a time: lists of all ends of a large floor plan would take 2 MB.
-        for first in range(0, len(ends), 500):
-            walls = [pymunk.Segment(ground, a, b, 0.0) for a, b in ends[first : first + 500].tolist()]
-            for wall in walls:
-                wall.filter = category
-            self._space.add(*walls)
+        walls = [pymunk.Segment(ground, a, b, 0.0) for a, b in ends.tolist()]
+        for wall in walls:
+            wall.filter = category
+        self._space.add(*walls)
 
     def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
@@ -189,7 +187,6 @@ class DynamicBodies:
                 self._touching[i] = True
 
     def step(self, seconds: float, velocity: Floats) -> None:
-        """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
         if not self._bodies:
             return
         count = len(self._robots)

@@ -22,7 +22,7 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
-from zteam.simulator.core.devices import Detections, Devices
+from zteam.simulator.core.devices import Detections, prepare_devices
 from zteam.simulator.core.lasers import Lasers, Reading
 from zteam.simulator.core.motion import JOINTS, Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
@@ -126,6 +126,9 @@ class RobotArrays:
         self.commanded = np.full(count, -WATCHDOG, np.int64)
         self.bases, self._wheels = make_bases(self._robots)
         self.odometry = WheelOdometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        self._state: list[np.ndarray] = [self.commands, self.commanded, self.bases.setpoint, self.bases.velocity]
+        self._state += [self.bases.start, self.bases.odom, self.odometry.counted]
+        """Arrays with a row for each robot, which it keeps when others come and go."""
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world.obstacles, plans)
@@ -133,18 +136,17 @@ class RobotArrays:
             self.bodies.adopt(old.bodies, kept)
         self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
-        self._devices = Devices(self._scene)
+        self._sense = prepare_devices(self._scene)
 
     def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]
-            self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
-            self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
+            for mine, theirs in zip(self._state, old._state, strict=True):
+                mine[here] = theirs[there]
             self.bases.angles[self._wheels[here]] = old.bases.angles[old._wheels[there]]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
-        self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
 
     def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
@@ -177,7 +179,7 @@ class RobotArrays:
         if not bases_only:
             self._scene.visible.move(poses)
         readings = None if bases_only else self._lasers.measure(poses, tick)
-        detections = {} if bases_only else self._devices.sense(poses)
+        detections = {} if bases_only else self._sense(poses)
         angles, rates = self.bases.angles.copy(), self.bases.rates.copy()
         places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
         velocity = self.bases.velocity.tolist()
@@ -238,12 +240,9 @@ class Engine:
         arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 
-    def observe_bases(self) -> Observation:
-        """What the bases sense now: no sensor and no other device measures."""
-        return self._assembled().observe(self.now, self.tick, bases_only=True)
-
-    def observe(self) -> Observation:
-        return self._assembled().observe(self.now, self.tick, bases_only=False)
+    def observe(self, *, bases_only: bool = False) -> Observation:
+        """What the robots sense now; with `bases_only` no sensor and no other device measures."""
+        return self._assembled().observe(self.now, self.tick, bases_only=bases_only)
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""

@@ -162,8 +162,9 @@ class WheelOdometry:
         self._alphas = np.array([chosen[i] for i in self._wrong]).reshape(-1, 4)
         """Thrun's."""
         self._states = np.array([stream(seed, ids[i], _STREAM) for i in self._wrong], np.uint64)
-        self._counted = np.zeros((len(self._wrong), 3))
         self._start, self.poses = bases.start, bases.odom
+        self.counted = np.zeros_like(self.poses)
+        """(robots, 3): what those with errors have counted so far."""
 
     def advance(self, before: Floats, after: Floats, tick: int) -> None:
         """One tick, by the arcs between the true poses `before` and `after`; `poses` are those without errors yet.
@@ -175,7 +176,7 @@ class WheelOdometry:
             return
         draws = gaussians(streams(self._states, tick), 3)
         before, after = before[self._wrong], after[self._wrong]
-        odom = self._counted
+        odom = self.counted[self._wrong]
         dx, dy, turn = (after - before).T
         half = 0.5 * turn
         # The chord, seen from half the turn.
@@ -193,13 +194,7 @@ class WheelOdometry:
         forward, left = forward + share * np.where(stands, 1.0, forward), left + share * np.where(stands, 0.0, left)
         cos, sin = np.cos(odom[:, 2] + first), np.sin(odom[:, 2] + first)
         odom += np.stack((cos * forward - sin * left, sin * forward + cos * left, first + second), axis=1)
-        self.poses[self._wrong] = odom
-
-    def adopt(self, old: "WheelOdometry", kept: Sequence[tuple[int, int]]) -> None:
-        """Go on from another's state, for pairs (index here, index there)."""
-        for here, there in kept:
-            self.poses[here], self._start[here] = old.poses[there], old._start[there]
-        self._counted = self.poses[self._wrong]
+        self.poses[self._wrong] = self.counted[self._wrong] = odom
 
     def carry(self, i: int, pose: Pose2) -> None:
         """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""

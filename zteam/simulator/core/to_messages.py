@@ -7,7 +7,7 @@ import numpy as np
 from zteam import messages, names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
 from zteam.messages.planar import pose_message
-from zteam.simulator.core.engine import Observation, RobotObservation
+from zteam.simulator.core.engine import Observation
 from zteam.simulator.world.devices import KINDS, DeviceKind
 from zteam.simulator.world.model import Robot
 
@@ -40,32 +40,25 @@ def range_message(observation: Observation, robot_id: int, index: int) -> messag
     place = _place(robot.robot, False, index)
     ranger = robot.robot.rangers[place]
     return messages.Range(
-        header=header(observation, KINDS[names.SONAR], robot_id, index),
-        radiation_type=_INFRARED,
-        field_of_view=ranger.fov,
-        min_range=ranger.range_min,
-        max_range=ranger.range_max,
-        range=float(robot.readings[place].ranges[0]),
-    )
+        header(observation, KINDS[names.SONAR], robot_id, index), _INFRARED, ranger.fov, ranger.range_min,
+        ranger.range_max, float(robot.readings[place].ranges[0]),
+    )  # fmt: skip
 
 
 def odometry_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Odometry:
     """Odometry since the start, in `robot_N/odom`."""
-    robot = observation.robots[robot_id]
-    frame = names.robot_frame(robot_id, names.ODOM)
-    return _odometry(observation.stamp, frame, robot_id, robot.odom, robot)
+    return _odometry(observation, robot_id, names.robot_frame(robot_id, names.ODOM), observation.robots[robot_id].odom)
 
 
 def ground_truth_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Odometry:
     """The true pose in `map`; the twist is in the robot's own frame, as a nav_msgs/Odometry's is."""
-    robot = observation.robots[robot_id]
-    return _odometry(observation.stamp, names.MAP_FRAME, robot_id, robot.truth, robot)
+    return _odometry(observation, robot_id, names.MAP_FRAME, observation.robots[robot_id].truth)
 
 
-def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotObservation) -> messages.Odometry:
-    vx, vy, w = robot.velocity
+def _odometry(observation: Observation, robot_id: int, frame: str, pose: Pose2) -> messages.Odometry:
+    vx, vy, w = observation.robots[robot_id].velocity
     return messages.Odometry(
-        messages.Header(messages.time_from_ns(stamp), frame),
+        messages.Header(messages.time_from_ns(observation.stamp), frame),
         names.robot_frame(robot_id, names.BASE_FOOTPRINT),
         messages.PoseWithCovariance(pose_message(pose)),
         messages.TwistWithCovariance(messages.Twist(messages.Vector3(vx, vy, 0.0), messages.Vector3(0.0, 0.0, w))),
@@ -131,14 +124,12 @@ def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:
 
 def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> messages.TFMessage:
     """map -> odom (the start pose), base_footprint -> base_link -> every device."""
-
-    def own(local: str) -> str:
-        return names.robot_frame(robot_id, local)
-
-    base = own(names.BASE_LINK)
+    odom, footprint, base = (
+        names.robot_frame(robot_id, own) for own in (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK)
+    )
     found = [
-        _transform(0, names.MAP_FRAME, own(names.ODOM), odom_origin, 0.0),
-        _transform(0, own(names.BASE_FOOTPRINT), base, Pose2(0.0, 0.0, 0.0), 0.0),
+        _transform(0, names.MAP_FRAME, odom, odom_origin, 0.0),
+        _transform(0, footprint, base, Pose2(0.0, 0.0, 0.0), 0.0),
     ]
     for kind in KINDS.values():
         for index, device in enumerate(kind.of(robot) if kind.link else ()):

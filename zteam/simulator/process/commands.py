@@ -29,9 +29,7 @@ _MOST_WRITERS = 16
 class RobotCommands:
     """The newest command of every robot since the last tick. The bus's threads fill it, the main loop empties it."""
 
-    def __init__(
-        self, node: ProcessNode, robots: Container[int], statistics: RunStatistics, *, lockstep: bool = False
-    ) -> None:
+    def __init__(self, node: ProcessNode, robots: Container[int], statistics: RunStatistics, *, lockstep: bool) -> None:
         """`robots` are those in the world, which come and go. In lock-step no command is late: the world waits."""
         self._node = node
         self._robots = robots

@@ -173,10 +173,7 @@ class LockStep:
         tick, stop, patience = self.tick, self._node.stop, self._patience
         while not stop.requested:
             with self._changed:
-                if not tick.is_over:
-                    wait_until(
-                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
-                    )
+                wait_until(self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay)
                 if tick.is_over:
                     tick.end()
                     return True

@@ -63,7 +63,7 @@ def run_ticks(simulation: Simulation) -> None:
         if lockstep is not None and not lockstep.wait(simulation.repeat):
             return
         profile.end("wait")
-        if not simulation.is_counting:
+        if simulation.statistics.go_stamp is None:
             # GO may have come while the first tick was held.
             simulation.count()
         if not simulation.boundary.wait_for_tick():

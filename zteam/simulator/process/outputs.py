@@ -71,8 +71,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
     def __init__(self, bus: Bus, engine: Engine, *, lockstep: bool = False) -> None:
         super().__init__()
         self._bus, self._engine, self._lockstep = bus, engine, lockstep
-        self.scan_counts: Mapping[int, int] = {}
-        """Scans in a tick, by robot."""
 
     def match_robots(self) -> None:
         """Make publishers for new robots, and close those of robots that have left the world or are other ones now."""
@@ -83,7 +81,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
             if robot_id not in self:
                 self[robot_id] = RobotOutputs(self._bus, robot_id, robot, lockstep=self._lockstep)
                 self.put_statics(robot_id)
-        self.scan_counts = {robot_id: len(output.scans) for robot_id, output in self.items()}
 
     def put_statics(self, robot_id: int) -> None:
         output, origin = self[robot_id], self._engine.odom_origin(robot_id)

@@ -104,7 +104,7 @@ class Simulation:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
         # complete when a robot has its scan.
-        bases = engine.observe_bases()
+        bases = engine.observe(bases_only=True)
         for output in outputs.values():
             output.put_transforms(bases)
         for output in outputs.values():
@@ -154,11 +154,6 @@ class Simulation:
         """Simulated ns since GO; None before."""
         return None if self._go is None else self.engine.now - self._go
 
-    @property
-    def is_counting(self) -> bool:
-        """Whether a tick was counted since the start or the last reset."""
-        return self.statistics.go_stamp is not None
-
     def count(self) -> None:
         """Count the engine's tick if GO was given; finish the run if its time is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
@@ -167,11 +162,12 @@ class Simulation:
         end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
         if self._go is not None:
             ids, poses, stalled = engine.standing()
-            if not self.is_counting:
+            if self.statistics.go_stamp is None:
                 self.statistics.start(self._go, engine.tick, ids, poses)
                 self.profile.start()
                 self.pacer.start_anew()
-            self.statistics.add_tick(ids, poses, stalled, self.outputs.scan_counts)
+            scans = {robot_id: len(output.scans) for robot_id, output in self.outputs.items()}
+            self.statistics.add_tick(ids, poses, stalled, scans)
             if not end and run_for is not None and engine.now - self._go >= run_for * NS_PER_S:
                 end = f"{counted(run_for, 'simulated second')} after GO"
         if end and not self.boundary.finished:

@@ -12,7 +12,7 @@ from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, rea
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
-from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
@@ -20,7 +20,24 @@ from zteam.simulator.world.text import find_file
 DARK = 127
 """A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
 
+BOUNDARY_THICKNESS = 0.01
+"""Metres: Stage's `boundary 1` is four slabs of this thickness."""
+LEAST_AREA = 1e-12
+"""Square metres: a block below a square micrometre is rounding, not a body."""
+DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
+RANGER_SIZE = Size3(0.15, 0.15, 0.2)
+FLOOR_HEIGHT = 1.0
+"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
+MIN_EXTENT = 1e-6
+MAX_POINTS = 256
+MAX_ALL_POINTS = 500_000
+"""Corners of all blocks of a world, once macros are expanded."""
+MAX_RECTANGLES = 256
+"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
+
 Box = tuple[int, int, int, int]
+Surface = tuple[float, bool, str]
+"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def read_bitmap(path: Path) -> Grid:
@@ -62,24 +79,12 @@ def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
     return sorted(done)
 
 
-BOUNDARY_THICKNESS = 0.01
-"""Metres: Stage's `boundary 1` is four slabs of this thickness."""
-
-
-LEAST_AREA = 1e-12
-"""Square metres: a block below a square micrometre is rounding, not a body."""
-
-
 class Block(NamedTuple):
     """A prism in units of its own: only its proportions to the model's other blocks count."""
 
     points: tuple[Point2, ...]
     z_min: float
     z_max: float
-
-
-Surface = tuple[float, bool, str]
-"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
@@ -123,11 +128,6 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
     return tuple(shapes)
 
 
-def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
-    """The polygon without corners that repeat the one before; a last corner may repeat the first."""
-    return tuple(point for i, point in enumerate(points) if point != points[i - 1])
-
-
 @functools.lru_cache(256)
 def is_simple(points: tuple[Point2, ...]) -> bool:
     """Whether edges of the polygon meet only in the corners that they share."""
@@ -142,18 +142,6 @@ def is_simple(points: tuple[Point2, ...]) -> bool:
     own = np.eye(len(corners), dtype=bool)
     touches &= ~(own | np.roll(own, 1, axis=1))
     return not (parted & parted.T).any() and not touches.any()
-
-
-DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
-RANGER_SIZE = Size3(0.15, 0.15, 0.2)
-FLOOR_HEIGHT = 1.0
-"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
-MIN_EXTENT = 1e-6
-MAX_POINTS = 256
-MAX_ALL_POINTS = 500_000
-"""Corners of all blocks of a world, once macros are expanded."""
-MAX_RECTANGLES = 256
-"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
 class Body(NamedTuple):
@@ -184,7 +172,7 @@ def read_body(reader: Reader) -> Body:
             size = size if reader.has("size") else Size3(*floor.size, FLOOR_HEIGHT)
             pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
     elif not blocks:
-        sensing = device_models().get(entity.type)
+        sensing = MODELS.get(entity.type)
         has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
         blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
@@ -278,7 +266,8 @@ def _read_block(reader: Reader) -> Block | None:
     z_min, z_max = reader.numbers("z", "ll", (0.0, 1.0))
     if z_min > z_max:
         reader.fail("z", f"z: the smallest value {z_min:g} is above the largest {z_max:g}")
-    points = without_repeats(corners)
+    # A corner may repeat the one before, the last one the first.
+    points = tuple(point for i, point in enumerate(corners) if point != corners[i - 1])
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:
         reader.remark("points", "a block without an area is ignored")
         return None

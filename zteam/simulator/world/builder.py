@@ -16,7 +16,7 @@ from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
 from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
-from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
 from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Settings, read_units
@@ -26,6 +26,19 @@ WHEEL_SEPARATION = 0.3
 """Metres between the wheels of a robot without a width."""
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
+MAX_INTERVAL_MS = 60_000
+FLOOR = 'model ( name "map" color "gray30" )'
+BUILT_IN = """
+# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
+# the body, so that robots see each other.
+define erratic position
+(
+  size [0.35 0.35 0.25]
+  origin [-0.05 0 0 0]
+  drive "diff"
+  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
+)
+"""
 
 
 def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
@@ -39,6 +52,9 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
     a, b, c, d = reader.shares("odom_alphas", 4)
+    # Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw.
+    kinds = "nna" if len(reader.texts("odom_error")) == 3 else "nnna"
+    x, y, *_, yaw = reader.numbers("odom_error", kinds, (0.0, 0.0, 0.0))
     return Robot(
         name=name,
         model=reader.entity.name,
@@ -50,7 +66,7 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
         velocity=_read_limits(reader, "velocity_bounds") or Limits(),
         acceleration=_read_limits(reader, "acceleration_bounds"),
         localization=reader.choice("localization", "gps", ("gps", "odom")),
-        odom_error=_read_odom_error(reader),
+        odom_error=(x, y, yaw),
         odom_alphas=(a, b, c, d),
         wheel_radius=radius,
         wheel_separation=separation,
@@ -82,18 +98,6 @@ def _read_limits(reader: Reader, name: str) -> Limits | None:
         if low > high:
             reader.fail(name, f"{name}: the smallest {axis} {low:g} is above the largest {high:g}")
     return Limits(*pairs)
-
-
-def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
-    """Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw."""
-    found = reader.entity.properties.get("odom_error")
-    if found is None:
-        return (0.0, 0.0, 0.0)
-    x, y, *_, yaw = reader.numbers("odom_error", "nna" if len(found.values) == 3 else "nnna", ())
-    return x, y, yaw
-
-
-MAX_INTERVAL_MS = 60_000
 
 
 class Chassis(msgspec.Struct):
@@ -156,7 +160,10 @@ class Builder:
         # What stands still has its own shapes and markers, but the map has its bitmap.
         base_from_model = owner_from_model if chassis else ORIGIN
         base_from_body, lift = base_from_model.compose(body.origin.planar), foot + body.origin.z
-        markers = self._read_markers(reader, body, base_from_model, chassis)
+        number = reader.whole("fiducial_return", 0)
+        if number and body.bitmap is not None and chassis is None:
+            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
+        markers = (FiducialMarker(number, reader.whole("fiducial_key", 0), *base_from_model),) if number else ()
         if chassis is not None:
             blocks = solid_blocks(body, reader)
             chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
@@ -168,7 +175,7 @@ class Builder:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
             self.obstacles.append(Obstacle(title, owner_from_model, shapes, markers=markers))
-        sensing = device_models().get(entity.type)
+        sensing = MODELS.get(entity.type)
         if sensing is not None and chassis is not None and isinstance(chassis.base, Robot):
             x, y, yaw = base_from_body
             chassis.devices.extend(sensing.read(reader, name, Pose3(x, y, lift, yaw)))
@@ -194,18 +201,8 @@ class Builder:
         self.robots.append(Chassis(read_robot(reader, name, map_from_base, body)))
         return self.robots[-1]
 
-    def _read_markers(
-        self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
-    ) -> tuple[FiducialMarker, ...]:
-        number = reader.whole("fiducial_return", 0)
-        if number == 0:
-            return ()
-        if body.bitmap is not None and chassis is None:
-            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
-        return (FiducialMarker(number, reader.whole("fiducial_key", 0), *owner_from_model),)
-
     def _check_type(self, reader: Reader) -> None:
-        kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
+        kind, place, sensing = reader.entity.type, reader.entity.place, MODELS
         if kind in ("block", "sensor"):
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         known = TYPES | frozenset(sensing)
@@ -229,22 +226,6 @@ class Builder:
         number = self._unnamed.get(stem, 0)
         self._unnamed[stem] = number + 1
         return f"{stem}:{number}"
-
-
-BUILT_IN = """
-# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
-# the body, so that robots see each other.
-define erratic position
-(
-  size [0.35 0.35 0.25]
-  origin [-0.05 0 0 0]
-  drive "diff"
-  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
-)
-"""
-
-
-FLOOR = 'model ( name "map" color "gray30" )'
 
 
 def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:

@@ -1,12 +1,11 @@
-"""Sensors of robots: one row each for its place in world files, its key, its message and its frame.
+"""Sensors of robots: their places in world files (`MODELS`); their keys, messages and frames (`KINDS`).
 
-`KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`. The types of
-their messages are in `zteam.messages.topics`. A sensor's row of `PREPARE` in `zteam.simulator.core.devices` says how it
-senses, one of `BUILDERS` in `zteam.simulator.core.to_messages` what makes its message. The defaults are Stage's.
+The types of their messages are in `zteam.messages.topics`. `PREPARE` in `zteam.simulator.core.devices` says how they
+sense, `BUILDERS` in `zteam.simulator.core.to_messages` what builds their messages. The defaults are Stage's.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
@@ -17,6 +16,8 @@ from zteam.simulator.world.model import Device, Ranger, Robot
 from zteam.simulator.world.properties import Pose3, Reader, Size3
 
 MAX_SAMPLES = 100_000
+MAX_BUMPERS = 256
+MAX_PIXELS = 10_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
 
@@ -67,10 +68,6 @@ def _read_sensor(
         samples = 1
     variance, proportional, angular = reader.shares("noise", 3)
     return [Ranger(name, *pose, fov, samples, low, high, (variance, proportional, angular))]
-
-
-MAX_BUMPERS = 256
-MAX_PIXELS = 10_000
 
 
 class Finder(Device, frozen=True):
@@ -164,6 +161,18 @@ class DeviceModel(NamedTuple):
     """Whether a model without blocks has a body all the same."""
 
 
+_LASER = {"range", "range_min", "range_max", "fov", "samples", "noise"}
+MODELS = {
+    "ranger": DeviceModel(read_rangers),
+    # The "ranger" of older worlds.
+    "laser": DeviceModel(read_rangers, _LASER),
+    "fiducial": DeviceModel(read_finder, {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"}),
+    "bumper": DeviceModel(read_bumpers, {"bcount", "bpose[]", "blength", "blength[]"}, has_body=True),
+    "blobfinder": DeviceModel(read_blobfinder, {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}),
+}
+"""By the type in world files."""
+
+
 class DeviceKind(NamedTuple):
     """One row: what is measured of a robot, and how it is published."""
 
@@ -172,12 +181,10 @@ class DeviceKind(NamedTuple):
     """The robot's devices of this kind, in file order; a message each, unless they are `joined`."""
     link: str = ""
     """Stem of the devices' own frames, children of `base_link`; empty where they have none."""
-    numbers: Literal["from_1", "from_0", "joined"] = "from_1"
-    """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
     title: str = ""
     """What reports call one of them; empty for what every robot measures."""
-    models: Mapping[str, DeviceModel] = {}
-    """By the type in world files."""
+    numbers: Literal["from_1", "from_0", "joined"] = "from_1"
+    """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
 
     @property
     def message(self) -> type[Message]:
@@ -205,64 +212,22 @@ def _base(robot: Robot) -> Sequence[Robot]:
     return (robot,)
 
 
+def _rangers(robot: Robot, are_lasers: bool) -> Sequence[Ranger]:
+    return [ranger for ranger in robot.rangers if ranger.is_laser == are_lasers]
+
+
 KINDS: dict[str, DeviceKind] = {
     kind.topic: kind
     for kind in (
         DeviceKind(names.ODOM, _base),
-        DeviceKind(
-            names.BASE_SCAN,
-            lambda robot: [ranger for ranger in robot.rangers if ranger.is_laser],
-            link=names.BASE_LASER_LINK,
-            title="laser",
-            # A "laser" is the "ranger" of older worlds.
-            models={
-                "ranger": DeviceModel(read_rangers),
-                "laser": DeviceModel(read_rangers, {"range", "range_min", "range_max", "fov", "samples", "noise"}),
-            },
-        ),
+        DeviceKind(names.BASE_SCAN, lambda robot: _rangers(robot, True), names.BASE_LASER_LINK, "laser"),
         DeviceKind(names.GROUND_TRUTH, _base),
         DeviceKind(names.STALL, _base),
         DeviceKind(names.JOINT_STATES, _base),
-        # Rangers of one ray.
-        DeviceKind(
-            names.SONAR,
-            lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
-            link="sonar",
-            numbers="from_0",
-            title="sonar",
-        ),
-        DeviceKind(
-            names.FIDUCIALS,
-            lambda robot: robot.devices_of(Finder),
-            link="fiducial_link",
-            title="fiducial finder",
-            models={
-                "fiducial": DeviceModel(read_finder, {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
-            },
-        ),
-        DeviceKind(
-            names.BUMPER,
-            lambda robot: robot.devices_of(BumperPiece),
-            numbers="joined",
-            title="bumper",
-            models={"bumper": DeviceModel(read_bumpers, {"bcount", "bpose[]", "blength", "blength[]"}, has_body=True)},
-        ),
-        DeviceKind(
-            names.BLOBS,
-            lambda robot: robot.devices_of(Blobfinder),
-            link="blobfinder_link",
-            title="blob finder",
-            models={
-                "blobfinder": DeviceModel(
-                    read_blobfinder, {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}
-                )
-            },
-        ),
+        DeviceKind(names.SONAR, lambda robot: _rangers(robot, False), "sonar", "sonar", "from_0"),
+        DeviceKind(names.FIDUCIALS, lambda robot: robot.devices_of(Finder), "fiducial_link", "fiducial finder"),
+        DeviceKind(names.BUMPER, lambda robot: robot.devices_of(BumperPiece), "", "bumper", "joined"),
+        DeviceKind(names.BLOBS, lambda robot: robot.devices_of(Blobfinder), "blobfinder_link", "blob finder"),
     )
 }
 """All rows by topic, in the order in which they are published."""
-
-
-def device_models() -> dict[str, DeviceModel]:
-    """The types of models that sense, by their name in world files."""
-    return {name: model for kind in KINDS.values() for name, model in kind.models.items()}

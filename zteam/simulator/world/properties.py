@@ -80,8 +80,6 @@ REMARKED: dict[str, tuple[str, float | None]] = {
 """Why each is ignored, and the value, if any, that changes nothing and so needs no remark."""
 
 _INDEX = re.compile(r"\[\d*\]")
-
-
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
 
@@ -135,8 +133,6 @@ class Reader:
     def __init__(self, entity: Entity, settings: Settings) -> None:
         self.entity = entity
         self.settings = settings
-        self._units = settings.units
-        self._remarks = settings.remarks
 
     def of(self, entity: Entity) -> "Reader":
         """A reader of another entity of the same file."""
@@ -150,15 +146,15 @@ class Reader:
         read, silent = READ.get(kind, _MODEL) | also, SILENT.get(kind, _DISPLAY)
         for name, found in self.entity.properties.items():
             plain = _INDEX.sub("[]", name)
-            if self._remarks.is_full:
+            if self.settings.remarks.is_full:
                 return
             if plain in REMARKED:
                 reason, harmless = REMARKED[plain]
                 if harmless is None or not set(found.values) <= {harmless}:
-                    self._remarks.add(found.place, f"{name} is ignored: {reason}")
+                    self.settings.remarks.add(found.place, f"{name} is ignored: {reason}")
             elif plain not in read and plain not in silent:
                 hint = did_you_mean(plain, sorted(read), form=MEANT)
-                self._remarks.add(found.place, f"unknown property {name!r:.60} is ignored{hint}")
+                self.settings.remarks.add(found.place, f"unknown property {name!r:.60} is ignored{hint}")
 
     def has(self, name: str) -> bool:
         return name in self.entity.properties
@@ -173,11 +169,11 @@ class Reader:
 
     def remark(self, name: str, text: str) -> None:
         """Note what is done about a property."""
-        self._remarks.add(self.place(name), text)
+        self.settings.remarks.add(self.place(name), text)
 
     def remark_entity(self, text: str) -> None:
         """Note something about the entity as a whole."""
-        self._remarks.add(self.entity.place, text)
+        self.settings.remarks.add(self.entity.place, text)
 
     def add_up(self, name: str, what: str, number: int, most: int) -> None:
         """Count what all models of a world have together; raises WorldError at a property by which it is too much."""
@@ -243,9 +239,9 @@ class Reader:
         except ValueError:
             raise found.place.error(f"{found.name} takes numbers, not the string {value!r:.60}") from None
         if kind == "a":
-            value *= self._units.angle
+            value *= self.settings.units.angle
         elif kind == "l":
-            value *= self._units.length
+            value *= self.settings.units.length
             if abs(value) > FAR:
                 raise found.place.error(f"{found.name}: {value:g} m is too large (at most {FAR:g} m)")
         if not math.isfinite(value):

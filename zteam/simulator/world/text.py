@@ -19,6 +19,10 @@ from zteam.errors import WorldError
 from zteam.simulator.world.model import Remark
 
 MAX_FILE_BYTES = 16 * 2**20
+MAX_TOKENS = 500_000
+MAX_FILES = 256
+MAX_CHARACTERS = 32 * 2**20
+"""Of all included files."""
 
 
 class TextPlace(NamedTuple):
@@ -173,12 +177,6 @@ def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
     if not math.isfinite(value):
         raise place.error(f"{text!r:.60} is not a finite number")
     return value
-
-
-MAX_TOKENS = 500_000
-MAX_FILES = 256
-MAX_CHARACTERS = 32 * 2**20
-"""Of all included files."""
 
 
 def splice(text: str, file: str, path: Path | None, folder: Path, remarks: Remarks) -> list[Token]:

@@ -54,9 +54,8 @@ class Temperature(Message):
 KIND = parsing.DeviceKind(
     "temperature",
     lambda robot: robot.devices_of(Thermometer),
-    link="thermometer_link",
-    title="thermometers",
-    models={"thermometer": parsing.DeviceModel(read_thermometer, frozenset({"offset"}))},
+    "thermometer_link",
+    "thermometers",
 )
 
 
@@ -71,6 +70,7 @@ def rows(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rows of the sensor, for one test."""
     monkeypatch.setitem(topics.SENSORS, KIND.topic, Temperature)
     monkeypatch.setitem(parsing.KINDS, KIND.topic, KIND)
+    monkeypatch.setitem(parsing.MODELS, "thermometer", parsing.DeviceModel(read_thermometer, {"offset"}))
     monkeypatch.setitem(sensing.PREPARE, KIND.topic, prepare)
     monkeypatch.setitem(to_messages.BUILDERS, KIND.topic, temperature_message)
 

@@ -33,7 +33,7 @@ class CommandsHarness:
         self.robots = {*robots}
         self._node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
         self.statistics = RunStatistics({})
-        self.commands = RobotCommands(self._node, self.robots, self.statistics)
+        self.commands = RobotCommands(self._node, self.robots, self.statistics, lockstep=False)
         self.publishers = {}
         self.tokens = {}
         for i in robots:

@@ -102,7 +102,7 @@ def test_a_run_is_over_its_time_after_go(hub: MemoryHub, half_second: SimulatorP
     half_second.whole_tick()
     monitor = ScriptedMonitor(hub)
     monitor.say(TeamState.WAITING)
-    assert (half_second.since_go, half_second.is_counting, half_second.statistics.ticks) == (None, False, 0)
+    assert (half_second.since_go, half_second.statistics.go_stamp, half_second.statistics.ticks) == (None, None, 0)
     monitor.give_go(1, 10**15)
     assert [half_second.whole_tick() for _ in range(2)] == [False, False]
     monitor.give_go(1, half_second.engine.now)
@@ -118,7 +118,7 @@ def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorPar
     half_second.set_go(half_second.engine.now)
     half_second.whole_tick()
     half_second.reset()
-    assert not half_second.is_counting
+    assert half_second.statistics.go_stamp is None
     half_second.whole_tick()
     assert (half_second.statistics.go_stamp, half_second.statistics.ticks) == (half_second.world.interval, 1)
 
@@ -147,7 +147,7 @@ def test_robots_come_and_go(ticked: SimulatorParts) -> None:
     assert (list(ticked.outputs), scans.count(names.scan_key(1, 0)), len(scans)) == ([0, 2, 3], 0, 6)
     assert ticked.spawn(SpawnRequest(0.0, -3.0)) == 1
     ticked.reset()
-    assert (ticked.engine.tick, sorted(ticked.outputs), ticked.is_counting) == (0, [0, 1, 2], False)
+    assert (ticked.engine.tick, sorted(ticked.outputs), ticked.statistics.go_stamp) == (0, [0, 1, 2], None)
 
 
 def test_every_robot_tells_its_base_and_a_new_one_anew(ticked: SimulatorParts, hub: MemoryHub) -> None:
