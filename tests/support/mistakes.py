@@ -206,7 +206,7 @@ ALONE = (
     _robot("sped = 0.2", "team.toml:5: robots[0].sped: unknown key", "did you mean speed?"),
     _robot('speed = "fast"', "team.toml:5: robots[0].speed:", 'a number is expected, not "fast"'),
     _robot("leader = 1", "team.toml:5: robots[0].leader:", "follow = ID"),
-    _robot('follow = "robot_0"', "team.toml:5: robots[0].follow:", 'a robot id or "previous" is expected'),
+    _robot('follow = "robot_0"', "team.toml:5: robots[0].follow:", 'a whole number is expected, not "robot_0"'),
     _robot("follow = 8", "team.toml:5: robots[0].follow:", "no robot 8 in this team (it has 0)"),
     _robot("follow = 0", "team.toml:5: robots[0].follow:", "cannot follow itself"),
     _robot("follow = 1\n[[robots]]\nid = 1\nfollow = 0", "team.toml:5: robots[0].follow:", "circle"),

@@ -1,14 +1,14 @@
 """Pictures, and ROS map_server's YAML files (image, resolution, origin and thresholds)."""
 
-import math
-import reprlib
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import read_file
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
@@ -62,18 +62,23 @@ def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
     return values if alpha else values[:, :, : 1 if image.mode == "LA" else 3]
 
 
-class MapFile(NamedTuple):
-    """What a YAML file says."""
+class MapFile(msgspec.Struct, frozen=True):
+    """What a YAML file says. Raises ValueError for an origin that is too far away."""
 
-    image: Path
-    resolution: float
+    image: Annotated[str, msgspec.Meta(min_length=1)]
+    """The name of the picture beside it."""
+    resolution: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_RESOLUTION)]
     """Metres a cell."""
-    origin: Pose2
+    origin: Pose2 = Pose2(0.0, 0.0, 0.0)
     """In `map`, of the lower left corner of the first cell."""
     mode: Mode = "trinary"
-    occupied_thresh: float = 0.65
-    free_thresh: float = 0.25
+    occupied_thresh: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.65
+    free_thresh: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.25
     negate: bool = False
+
+    def __post_init__(self) -> None:
+        if not all(abs(part) <= FAR for part in self.origin):
+            raise KeyValueError("origin", f"x, y and yaw are numbers up to {FAR:g}")
 
 
 class FloorMap(NamedTuple):
@@ -110,7 +115,7 @@ def read_floor_map(path: Path) -> FloorMap:
     v / 255 with `negate`; in mode `raw` v itself is the occupancy in percent. So do map_server and nav2.
     """
     file = read_map_file(path)
-    levels = read_channels(file.image)[::-1].mean(axis=2, dtype=np.float32)
+    levels = read_channels(path.parent / file.image)[::-1].mean(axis=2, dtype=np.float32)
     if file.mode == "raw":
         occupied = levels > 100.0 * file.occupied_thresh
     else:
@@ -125,28 +130,10 @@ def read_floor_map(path: Path) -> FloorMap:
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key."""
     fields = _read_fields(path)
-    image, mode, origin = fields.get("image"), fields.get("mode", "trinary"), fields.get("origin", [0.0, 0.0, 0.0])
-    if not isinstance(image, str) or not image:
-        raise WorldError(f"{path}: image: the name of the map's image is missing")
-    resolution = _number(path, fields, "resolution", None)
-    if not 0 < resolution <= MAX_RESOLUTION:
-        raise WorldError(f"{path}: resolution: must be above 0 and at most {MAX_RESOLUTION:g} m, not {resolution:g}")
-    if mode not in get_args(Mode):
-        raise WorldError(f"{path}: mode: must be one of {', '.join(get_args(Mode))}, not {_shown(mode)}")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(origin)}")
-    negate = fields.get("negate", 0)
-    if negate not in (0, 1):
-        raise WorldError(f"{path}: negate: must be 0 or 1, not {_shown(negate)}")
-    return MapFile(
-        path.parent / image,
-        resolution,
-        Pose2(*(_number(path, {"origin": part}, "origin", None) for part in origin)),
-        mode,
-        _number(path, fields, "occupied_thresh", 0.65),
-        _number(path, fields, "free_thresh", 0.25),
-        bool(negate),
-    )
+    # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
+    for problem in problems_of(fields, MapFile, strict=False):
+        raise WorldError(f"{path}: {problem}")
+    return msgspec.convert(fields, MapFile, strict=False)
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
@@ -160,22 +147,3 @@ def _read_fields(path: Path) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
     return fields
-
-
-def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
-    value = fields.get(key, default)
-    if value is None:
-        raise WorldError(f"{path}: {key}: is missing")
-    try:
-        # YAML 1.1 reads 1e-2 as a text.
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if abs(number) <= FAR:
-        return number
-    raise WorldError(f"{path}: {key}: {_shown(value)} is not a number here")
-
-
-def _shown(value: object) -> str:
-    """A value in an error text. Aliases make short files with a full text that would fill the memory."""
-    return reprlib.repr(value)[:60]

@@ -21,15 +21,17 @@ _UNKNOWN_SHADE = 205
 
 def read_map(path: Path | str) -> GridMap:
     """The map of a YAML file. Raises UsageError, which names file and key, for whatever is wrong."""
-    file = check_map_file(Path(path))
-    return make_map(interpret(read_channels(file.image, alpha=True), file), file.resolution, file.origin)
+    file, path = check_map_file(Path(path)), Path(path)
+    pixels = read_channels(path.parent / file.image, alpha=True)
+    return make_map(interpret(pixels, file), file.resolution, file.origin)
 
 
 def check_map_file(path: Path) -> MapFile:
     """What the YAML file of a map says. Raises UsageError, also for thresholds that do not fit or a missing picture."""
     file = read_map_file(path)
-    if not file.image.is_file():
-        raise UsageError(f"there is no {file.image}, the map's image")
+    image = path.parent / file.image
+    if not image.is_file():
+        raise UsageError(f"there is no {image}, the map's image")
     if not 0.0 <= file.free_thresh < file.occupied_thresh <= 1.0:
         keys = f"{path}: free_thresh, occupied_thresh"
         raise UsageError(f"{keys}: give two shares from 0 to 1, the first one below the other")

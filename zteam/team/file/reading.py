@@ -17,7 +17,7 @@ from zteam.config.toml_values import toml_text
 from zteam.errors import ConfigError, did_you_mean
 from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, Security, StaticTransform, Team, TeamSection
 from zteam.team.file.groups import Expansion
-from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_robots, check_transforms
+from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_transforms
 from zteam.team.file.sources import LISTS, Argument, Files, Mistake, Table, error_of
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -43,13 +43,9 @@ class TeamFile(msgspec.Struct):
     is_filled: bool
     """Whether none of them is missing. Otherwise that is all that is told: other values are not known."""
 
-    def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
-        """Problems of the expanded team where their keys stand."""
-        return [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
-
     def error(self, problems: Iterable[Problem]) -> ConfigError:
         """An error with one line per problem of the expanded team."""
-        return error_of(self.locate(problems))
+        return error_of(self.table.locate(problems))
 
 
 def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
@@ -111,7 +107,7 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folder = table.place_of("nodes", i).source.path.parent / entry.folder
         nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
     ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
-    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
+    problems += check_follows(robots, ids if ids_known else None)
     problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
     security = _section(table, "security", Security, problems)
     problems += check_grants(security)
@@ -125,7 +121,7 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
     )
     file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, not files.missing)
-    file.mistakes = files.missing or [*mistakes, *file.locate(problems)]
+    file.mistakes = files.missing or [*mistakes, *file.table.locate(problems)]
     return file
 
 
@@ -174,13 +170,9 @@ def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> d
 def _section(table: Table, name: str, kind: type[S], problems: list[Problem]) -> S:
     """The correct part of a [name] table."""
     section = table.get(name, {})
-    found = problems_of(section, kind, (name,))
-    problems += found
-    wrong = {problem.path[1] for problem in found if len(problem.path) > 1}
-    if not isinstance(section, dict) or (found and not wrong):
-        return kind()
-    right = {key: value for key, value in section.items() if key not in wrong}
-    return kind() if problems_of(right, kind) else msgspec.convert(right, kind)
+    problems += problems_of(section, kind, (name,))
+    keys = section.items() if isinstance(section, dict) else ()
+    return msgspec.convert({key: value for key, value in keys if not problems_of({key: value}, kind)}, kind)
 
 
 def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
