@@ -79,10 +79,7 @@ MISTAKES = [
     (f"{GRANTS}tf_static = []", "4: security.grants.tf_static"),
     (f"{ROBOT}[security]\ngrant = []", "4: security.grant"),
     # Nodes: a name that the bus can carry and that nothing else of the team has, and a command.
-    *(
-        (f"{NODE}name='{name}'\ncommand=['x']", "4: nodes[0].name")
-        for name in NODES
-    ),
+    *((f"{NODE}name='{name}'\ncommand=['x']", "4: nodes[0].name") for name in NODES),
     (f"{NODE}name='a'\ncommand=['x']\n[[nodes]]\nname='a'\ncommand=['x']", "7: nodes[1].name"),
     (f"{NODE}name='a'\ncommand=[]", "5: nodes[0].command"),
     (f"{NODE}name='a'\ncommand=[[1]]", "5: nodes[0].command[0]"),
@@ -96,7 +93,7 @@ MISTAKES = [
     (f"{CHILD}x=nan", "6: static_transforms[0].x"),
     (f"{CHILD}roll=-45", "6: static_transforms[0].roll"),
     (f"{CHILD}qw=1", "6: static_transforms[0].qw"),
-    *((f"{CHILD}qx=0\nqy=0\nqz=0\nqw={turn}", "9: static_transforms[0].qw") for turn in ("0", "0.9", "1.1", "1\nyaw=1")),
+    *((f"{CHILD}qx=0\nqy=0\nqz=0\nqw={w}", "9: static_transforms[0].qw") for w in ("0", "0.9", "1.1", "1\nyaw=1")),
     (f"{CHILD}qx=0\nqy=0\nqz=0\nqw=inf", "9: static_transforms[0].qw"),
     (f"{CHILD}[[static_transforms]]\nparent='b'\nchild='/a'", "8: static_transforms[1].child"),
     # No TOML: the line and the column.
