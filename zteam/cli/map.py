@@ -11,7 +11,7 @@ from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.map_files import to_three_values, write_map
@@ -33,6 +33,7 @@ def build_parser() -> Parser:
     )
     text = "give up without a map (default: wait)"
     add_option(save, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
+    save.set_defaults(once=False)
     return parser
 
 
@@ -48,7 +49,7 @@ def _save(args: argparse.Namespace) -> None:
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
     with open_bus(args) as bus:
-        grid = map_grid(_wait_for_map(bus, key, args.timeout))
+        grid = map_grid(_wait_for_map(bus, key, args))
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
@@ -56,7 +57,7 @@ def _save(args: argparse.Namespace) -> None:
     print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
 
 
-def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
+def _wait_for_map(bus: Bus, key: str, args: argparse.Namespace) -> OccupancyGrid:
     waiter, found = Waiter(), list[OccupancyGrid]()
 
     def take(_key: str, message: OccupancyGrid) -> None:
@@ -64,8 +65,7 @@ def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
         waiter.notify()
 
     bus.subscribe(key, OccupancyGrid, take, latched=True)
-    if not wait_for_message(bus, waiter, lambda: bool(found), timeout, key):
-        raise BusError(f"no map came on {key} within {timeout:g} s: start zteam-sim WORLD or zteam-map MAP.yaml")
+    wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
     return found[-1]
 
 

@@ -88,7 +88,7 @@ class Parser(argparse.ArgumentParser):
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             # Its options are not known.
             self._words = ()
-            self.error(unknown_subcommand(self, value, action.choices))
+            self.error(unknown_subcommand(value, action.choices))
         super()._check_value(action, value)
 
 

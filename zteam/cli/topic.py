@@ -5,16 +5,13 @@ import itertools
 import statistics
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus
-from zteam.bus.bus import Publisher
-from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
+from zteam.bus.graph import Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import (
@@ -22,7 +19,6 @@ from zteam.cli.listening import (
     Waiter,
     add_timeout,
     check_key,
-    limit_of,
     open_bus,
     silence,
     wait_for_message,
@@ -31,50 +27,17 @@ from zteam.cli.listening import (
 from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, add_json, add_option, run_tool
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.clock import AutoClock, monotonic, to_seconds
+from zteam.clock import AutoClock, monotonic, pause, to_seconds
 from zteam.config.numbers import counted, format_rate
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError, ZteamError, printable
-from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
+from zteam.messages import Message, Time, decode, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
 from zteam.node.output import print_block, print_json, print_line
 
-
-class _Audience:
-    """The subscribers of a key: prints their names, and again when the first one has come or the last one has gone."""
-
-    def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
-        self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = False
-        self._shown: object = ...
-        """What was printed: their names, None if they report none, and at first nothing."""
-
-    def show(self, what: str, graph: Graph) -> None:
-        """Print that `what` is published, and the subscribers unless they are the same; warn if there is none."""
-        self._matching = self._publisher.has_subscribers
-        # A session that closes may report a subscriber that it no longer has. One that has just come reports its name
-        # now.
-        found: list[str] | None = graph.subscribers(self._key) if self._matching else []
-        if self._matching and not found:
-            found = find_graph(self._bus).subscribers(self._key) or None
-        if found == self._shown:
-            return
-        self._shown = found
-        if found is None:
-            listed = "subscribers that tell no name (frozen, or no processes of zteam)"
-        elif found:
-            listed = f"{counted(len(found), 'subscriber')}: {', '.join(found)}"
-        else:
-            listed = "no subscriber yet"
-        print_line(f"publishing {what} to {listed}")
-        if found == []:
-            hint = "" if graph.publishers(self._key) else near_keys(self._key, graph.known_keys())
-            _say(f"nothing subscribes to {self._key}{hint}")
-
-    def look(self) -> None:
-        if self._publisher.has_subscribers != self._matching:
-            self.show(f"on {self._key}", find_graph(self._bus))
+_WINDOW = 100
+"""Messages over which a rate is measured."""
 
 
 def publish(args: argparse.Namespace) -> None:
@@ -90,6 +53,9 @@ def publish(args: argparse.Namespace) -> None:
         holds_time = True
         return Time() if clock is None else time_from_ns(clock.now())
 
+    known = type_of_key(key)
+    if known is not None and known.ros_type != kind.ros_type:
+        raise UsageError(f"{key} carries {known.ros_type}, not {kind.ros_type}")
     message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
     with open_bus(args) as bus:
@@ -97,14 +63,19 @@ def publish(args: argparse.Namespace) -> None:
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
         graph = find_graph(bus)
-        check_type(bus, key, kind, graph)
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
-        audience = _Audience(bus, key, publisher)
         how = (
             "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
         )
-        audience.show(f"{kind.ros_type} on {key} {how}", graph)
+        found = graph.subscribers(key)
+        listed = f"{counted(len(found), 'subscriber')}: {', '.join(found)}" if found else "no subscriber yet"
+        if not found and publisher.has_subscribers:
+            listed = "subscribers that tell no name (frozen, or no processes of zteam)"
+        print_line(f"publishing {kind.ros_type} on {key} {how} to {listed}")
+        if not found and not publisher.has_subscribers:
+            hint = "" if graph.publishers(key) else near_keys(key, graph.known_keys())
+            _say(f"nothing subscribes to {key}{hint}")
         _warn_of_others(key, graph)
 
         def send() -> None:
@@ -117,7 +88,6 @@ def publish(args: argparse.Namespace) -> None:
         for _ in itertools.count() if times is None else range(times - 1):
             wait()
             send()
-            audience.look()
 
 
 def _say(text: str) -> None:
@@ -131,27 +101,6 @@ def _warn_of_others(key: str, graph: Graph) -> None:
     target, robots = names.split_robot_key(key), sorted(graph.robots())
     if target is not None and robots and target[0] not in robots:
         _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")
-
-
-def check_type(bus: Bus, key: str, kind: type[Message], graph: Graph) -> None:
-    """Raise UsageError if the key carries messages of another type, by its name or by what is heard on it."""
-    known = type_of_key(key)
-    carried = encoding_of(known) if known else _heard_encoding(bus, key) if graph.publishers(key) else ""
-    if carried.startswith("application/cdr;") and carried != encoding_of(kind):
-        raise UsageError(f"{key} carries {carried.partition(';')[2]}, not {kind.ros_type}")
-
-
-def _heard_encoding(bus: Bus, key: str) -> str:
-    """The encoding of a message on the key, or of its latched one; empty if none comes."""
-    heard, waiter = list[str](), Waiter()
-
-    def take(sample: RawSample) -> None:
-        heard.append(sample.encoding)
-        waiter.notify()
-
-    with closing(bus.subscribe_raw(key, take, latched=True)):
-        waiter.wait(lambda: bool(heard), SURVEY, "")
-    return heard[0] if heard else ""
 
 
 def build_parser() -> Parser:
@@ -170,8 +119,6 @@ def build_parser() -> Parser:
     echo.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
     add_timeout(echo, "a message")
-    text = "measure over this many messages"
-    add_option(rate, "--window", typed=(2, 1_000_000, "messages"), default=100, help=text)
     rate.add_argument("--once", action="store_true", help="end after the first line")
     add_timeout(rate, "two messages")
     _add_pub_options(pub)
@@ -193,8 +140,7 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
 
 def _echo(args: argparse.Namespace) -> None:
     key, given = check_key(args.key), message_type(args.type) if args.type else None
-    (limit, quiet), waiter = limit_of(args), Waiter()
-    queue: deque[RawSample] = deque(maxlen=1000)
+    waiter, queue = Waiter(), deque[RawSample](maxlen=1000)
 
     def take(sample: RawSample) -> None:
         queue.append(sample)
@@ -202,15 +148,10 @@ def _echo(args: argparse.Namespace) -> None:
 
     with open_bus(args) as bus:
         bus.subscribe_raw(key, take, latched=True)
-        wait: Callable[[Callable[[], bool]], bool] = partial(
-            wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
-        )
-        while True:
-            if not wait(lambda: bool(queue)):
-                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
-            if _print_sample(queue.popleft(), given, args) and args.once:
-                return
-            wait = partial(waiter.wait, timeout=limit, what=f"a message on {key}")
+        wait_for_message(bus, waiter, lambda: bool(queue), args, key)
+        while not (_print_sample(queue.popleft(), given, args) and args.once):
+            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
+                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
@@ -231,35 +172,34 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 
 def _hz(args: argparse.Namespace) -> None:
     key, waiter = check_key(args.key), Waiter()
-    times: deque[float] = deque(maxlen=args.window)
-    total = 0
+    times, newest = deque[float](maxlen=_WINDOW), 0.0
     with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def take(_sample: RawSample) -> None:
-            nonlocal total
             now = to_seconds(clock.now()) if clock.simulated else monotonic()
             if times and now < times[-1]:
                 # The simulator was reset: drop the stamps from before.
                 times.clear()
             times.append(now)
-            total += 1
             waiter.notify()
 
         bus.subscribe_raw(key, take)
-        limit, quiet = limit_of(args)
-        if not wait_for_message(bus, waiter, lambda: total >= 2, limit, key, quiet=quiet):
-            raise ZteamError(f"no two messages on {key} within {limit:g} s: {silence(bus, key)}")
+        wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
+
+        def has_news() -> bool:
+            return len(times) > 1 and times[-1] != newest
+
         while True:
-            waiter.wait(lambda: False, 1.0, "")
+            pause(1.0)
+            waiter.wait(has_news, None, f"messages on {key}")
             stamps = list(times)
             if len(stamps) < 2:
                 continue
+            newest = stamps[-1]
             print_block(_format_rate(stamps, clock.simulated, args.json))
             if args.once:
                 return
-            enough = total + 2
-            waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
 
 
 def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:

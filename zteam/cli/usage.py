@@ -8,37 +8,6 @@ from zteam.errors import did_you_mean
 
 _DID_YOU_MEAN = ": did you mean {}?"
 ENDS_TEAM = "to end a team, press Ctrl+C where 'zteam up' runs"
-_MEANT = {
-    "up": "run start launch roslaunch team",
-    "topic": "rostopic topics",
-    "topic echo": "echo print cat show",
-    "topic hz": "hz",
-    "topic pub": "pub publish send",
-    "tf echo": "tf_echo tf2_echo",
-    "tf tree": "view_frames rqt_tf_tree frames",
-    "tf monitor": "tf_monitor tf2_monitor",
-    "tf static": "static_transform_publisher",
-    "node": "rosnode",
-    "param": "rosparam params dynparam",
-    "sim pause": "pause stop halt",
-    "sim resume": "resume unpause play start continue",
-    "sim step": "step",
-    "sim reset": "reset",
-    "sim spawn": "spawn add create",
-    "sim remove": "remove delete kill",
-    "sim move": "move teleport place",
-    "sim status": "status",
-    "teleop": "teleop_twist_keyboard key_teleop keyboard drive",
-    "map save": "map_saver map_saver_cli",
-    "goals": "send_goals waypoints patrol",
-    "goto": "navigate move_base send_goal navigate_to_pose",
-    "log": "rosout logs",
-    "doctor": "roswtf wtf",
-    "stop": "estop emergency_stop down end halt kill quit shutdown",
-    "stop --release": "release",
-    "world show": "draw view",
-}
-"""What ROS and other programs call a command or a subcommand. Of a word in several rows the shortest command counts."""
 
 
 def answer(parser: argparse.ArgumentParser, mistake: str) -> str:
@@ -75,24 +44,17 @@ def unknown_words(parser: argparse.ArgumentParser, words: Sequence[str]) -> str:
     return ", ".join(told)
 
 
-def unknown_subcommand(parser: argparse.ArgumentParser, word: str, known: Iterable[str]) -> str:
-    """What to say of a word in the place of a subcommand of `zteam COMMAND`."""
-    command = parser.prog.removeprefix("zteam ")
-    verbs = [verb for verb in known if word in _MEANT.get(f"{command} {verb}", "").split()]
-    hint = _DID_YOU_MEAN.format(verbs[0]) if verbs else did_you_mean(word, known, most=2, form=_DID_YOU_MEAN)
-    return f"no subcommand {word!r}{hint}"
+def unknown_subcommand(word: str, known: Iterable[str]) -> str:
+    """What to say of a word in the place of a subcommand."""
+    return f"no subcommand {word!r}{did_you_mean(word, known, most=2, form=_DID_YOU_MEAN)}"
 
 
 def unknown_command(name: str, rest: Sequence[str], known: Iterable[str]) -> str:
     """What to say of a word in the place of a command, before the words `rest`."""
     from zteam.config.resources import existing_file, shipped_team
 
-    meant = sorted((command for command, words in _MEANT.items() if name in words.split()), key=len)
     if shipped_team(name) or existing_file(Path(name)):
-        meant = [f"up {name}"]
-    if meant:
-        hint = _DID_YOU_MEAN.format(f"'zteam {' '.join([meant[0], *rest])}'")
-        hint += f" ({ENDS_TEAM})" if meant[0] == "stop" else ""
+        hint = _DID_YOU_MEAN.format(f"'zteam {' '.join(['up', name, *rest])}'")
     elif name.startswith("-"):
         hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
     else:

@@ -1,6 +1,5 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
-import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -71,17 +70,15 @@ def _why_not(text: str, kind: _FileKind, other: _FileKind) -> str:
         return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
+    why = "no such file"
     try:
         Path(text).stat()
-    except OSError as error:
-        if error.errno in (errno.EACCES, errno.ELOOP) or (error.errno == errno.ENOENT and Path(text).is_symlink()):
-            return f"{error.strerror} for user id {os.geteuid()}; look at its symbolic links and permissions (ls -lL)"
-    except ValueError:
-        # With a NUL.
-        pass
+    except (OSError, ValueError) as error:
+        # Also a circle of symbolic links, a folder that may not be read, and a NUL.
+        why = getattr(error, "strerror", None) or str(error)
     known = names(kind.folder(), kind.suffix)
     hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
-    return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
+    return f"{why}, nor a shipped {kind.what} ({', '.join(known)}){hint}"
 
 
 def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:

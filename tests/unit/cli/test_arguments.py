@@ -31,7 +31,7 @@ def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]
         ("up", "", {"team": "line", "seed": None, "run_for": None, "speed": None}),
         ("teleop", "--id 0", {"speed": 0.5, "turn": 1.0}),
         ("topic", "pub key Bool", {"rate": 1.0, "times": None, "clock": "auto"}),
-        ("topic", "hz key", {"window": 100, "clock": "wall"}),
+        ("topic", "hz key", {"clock": "wall"}),
         ("bench", "team", {"robots": 4, "beams": 1081, "seconds": 60.0, "world": "office", "log_level": "warning"}),
         ("bench", "sim arena", {"robots": 20, "fov_deg": 270.0, "range": 30.0}),
         ("zteam-sim", "arena", {"log_level": "info", "log_format": "text"}),

@@ -106,7 +106,7 @@ class Expansion:
             if self._previous == -1:
                 self._tell(table, "follow", "there is no robot before the first one; let it lead")
                 del robot["follow"]
-        robot_id = robot.get("id")
+        robot_id: Any = robot.get("id")
         is_known = isinstance(robot_id, int) and robot_id >= 0
         self._previous = robot_id if is_known else None
         if is_known and self._seen.setdefault(robot_id, place) is not place:
