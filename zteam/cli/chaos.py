@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_option, check_together, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
@@ -43,12 +43,7 @@ def _read(args: argparse.Namespace) -> None:
         raise UsageError(f"{args.fault}: say {', '.join(KINDS)} and a process, as in 'zteam chaos pause robot_1'")
     if args.fault != "slow" and (args.delay is not None or args.rate is not None):
         raise UsageError("--delay and --rate belong to slow")
-    if args.plan is not None and args.seconds is not None:
-        raise UsageError("--for: a plan says itself how long its faults last")
-    if args.random is not None and args.seconds is None:
-        raise UsageError("--random needs --for SECONDS")
-    if args.print and args.random is None:
-        raise UsageError("--print needs --random")
+    check_together(args, {"--random": ("--for",), "--print": ("--random",)}, {"--plan": ("--for",)})
 
 
 def _one_fault(args: argparse.Namespace) -> Fault:

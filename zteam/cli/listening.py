@@ -101,7 +101,7 @@ def wait_for_message(
 ) -> None:
     """Wait until `ready()`. Raises ZteamError if that takes longer than --timeout says.
 
-    When no message has come for a while, say on stderr whether anything publishes on `key`, unless nobody reads it.
+    When no message has come for a while, say on stderr whether anything publishes on `key`, but not in a script.
     """
     limit, quiet = limit_of(args)
     first = SURVEY if limit is None or (limit > SURVEY and not quiet) else limit

@@ -4,7 +4,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
@@ -174,6 +174,20 @@ def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
     typed = {name: getattr(args, name) for name in kind.__struct_fields__ if hasattr(args, name)}
     lists = {name: tuple(value) for name, value in typed.items() if isinstance(value, list)}
     return kind(**{**typed, **lists, **others})
+
+
+def check_together(
+    args: argparse.Namespace, needs: Mapping[str, Sequence[str]], excludes: Mapping[str, Sequence[str]]
+) -> None:
+    """Raise UsageError for an option without one of those that it `needs`, or with one that it `excludes`."""
+    flags = {action.dest: action.option_strings[-1] for action in args.parser._actions if action.option_strings}
+    given = {flag for name, flag in flags.items() if getattr(args, name, None) not in (None, False, (), [])}
+    for flag, others in needs.items():
+        if flag in given and not given.intersection(others):
+            raise UsageError(f"{flag} needs {' or '.join(others)}")
+    for flag, others in excludes.items():
+        if flag in given and (unwanted := [other for other in others if other in given]):
+            raise UsageError(f"{flag}: leave {', '.join(unwanted)} out")
 
 
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:

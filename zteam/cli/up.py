@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Iterable
-from contextlib import ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from zteam.cli.options import (
     add_go_timeout_option,
     add_options,
     bus_options,
+    check_together,
     parse_speed,
     run_tool,
 )
@@ -147,14 +148,7 @@ def _check_options(args: argparse.Namespace) -> None:
         parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
-    flags = {action.dest: action.option_strings[-1] for action in args.parser._actions if action.option_strings}
-    given = {flag for name, flag in flags.items() if getattr(args, name, None) not in (None, False, (), [])}
-    for flag, others in _NEEDS.items():
-        if flag in given and not given.intersection(others):
-            raise UsageError(f"{flag} needs {' or '.join(others)}")
-    for flag, others in _EXCLUDES.items():
-        if flag in given and (unwanted := [other for other in others if other in given]):
-            raise UsageError(f"{flag}: leave {', '.join(unwanted)} out")
+    check_together(args, _NEEDS, _EXCLUDES)
     if args.listen:
         check_endpoint(args.listen)
     if args.secure is not None:
@@ -180,9 +174,8 @@ def _up(args: argparse.Namespace) -> int:
     if args.compose:
         from zteam.team.launch.apart import compose_file
 
-        print_block(
-            compose_file(_launch(args), [args.team, *args.arguments], is_shipped=_is_shipped(args.team)).rstrip()
-        )
+        is_shipped = find_team(args.team).parent == teams_folder()
+        print_block(compose_file(_launch(args), [args.team, *args.arguments], is_shipped=is_shipped).rstrip())
         return 0
     if args.only is not None:
         from zteam.team.launch.apart import become
@@ -192,17 +185,13 @@ def _up(args: argparse.Namespace) -> int:
         bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
         become(launch, args.only, node_environment(bus.endpoint, bus))
     if args.in_process:
-        return _run_here(_launch(args), bus_options(args), args)
+        return _run(_launch(args), bus_options(args), args, None)
     from zteam.team.launch.warm_parent import WarmParent
 
     with closing(WarmParent()) as parent:
         # It imports while the team is checked.
         parent.prepare()
-        return _start_processes(_launch(args), bus_options(args), args, parent)
-
-
-def _is_shipped(team: str) -> bool:
-    return find_team(team).parent == teams_folder()
+        return _run(_launch(args), bus_options(args), args, parent)
 
 
 def _print_arguments(args: argparse.Namespace) -> None:
@@ -250,68 +239,55 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     return launch
 
 
-def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
+def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent | None") -> int:
+    """Run the team as processes of `parent`, or without one in this process, with the same lines."""
     from zteam.cli.up_display import open_display
-    from zteam.node.shutdown import Stop
+    from zteam.node.shutdown import Stop, exit_hard_later
     from zteam.team.run.processes import Processes
     from zteam.team.run.team_run import TeamRun
 
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        links = None
-        if args.chaos is not None:
-            # It imports asyncio, and few teams have links of their own.
-            from zteam.team.chaos.links import Links
+        if parent is None:
+            from zteam.node.logs import passing_lines
+            from zteam.team.run.threads import Threads, open_outside
 
-            links = stack.enter_context(closing(Links()))
-        members = Processes(
-            bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
-        )
-        team_run = stack.enter_context(TeamRun(members, launch, stop))
-        stop.install(on_repeat=team_run.hurry)
-        processes = counted(len(team_run.plan.jobs), "process", "processes")
+            outside = stack.enter_context(open_outside(bus, launch.pace)) if args.bus else None
+            _give_terminal_to_debugger(display)
+            stack.enter_context(passing_lines(display.line))
+            # After a second request nothing waits.
+            stack.callback(stop.install(on_repeat=lambda: os._exit(INTERRUPTED)))
+            # Code of a behaviour that does not return holds the whole process.
+            stack.callback(exit_hard_later(stop, hung=1))
+            threads = Threads(outside=outside, on_line=display.line)
+            team_run, hangs = stack.enter_context(TeamRun(threads, launch, stop)), threads.hangs
+            what = f"{counted(len(threads.parts), 'node')} in this process"
+        else:
+            links = None
+            if args.chaos is not None:
+                # It imports asyncio, and few teams have links of their own.
+                from zteam.team.chaos.links import Links
+
+                links = stack.enter_context(closing(Links()))
+            processes = Processes(
+                bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
+            )
+            team_run, hangs = stack.enter_context(TeamRun(processes, launch, stop)), processes.hangs
+            stop.install(on_repeat=team_run.hurry)
+            what = counted(len(team_run.plan.jobs), "process", "processes")
+        work = partial(_drive, team_run, display, args, what)
         try:
-            report = _run(team_run, display, args, processes)
+            if parent is None:
+                team_run.open()
+                report = threads.beside_simulator(work)
+            else:
+                report = work()
         except ZteamError:
             if not stop.requested:
                 raise
             return 0
-    return _conclude(team_run, report, stop, args.report)
-
-
-def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
-    """Run the whole team in this process, with the same lines as with one process each."""
-    from zteam.cli.up_display import open_display
-    from zteam.node.logs import passing_lines
-    from zteam.node.shutdown import Stop, exit_hard_later
-    from zteam.team.run.team_run import TeamRun
-    from zteam.team.run.threads import Threads, open_outside
-
-    stop = Stop()
-    with (
-        open_display(args.log_format, args.run_for) as display,
-        open_outside(bus, launch.pace) if args.bus else nullcontext() as outside,
-    ):
-        _give_terminal_to_debugger(display)
-        members = Threads(outside=outside, on_line=display.line)
-        with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
-            # After a second request nothing waits.
-            give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
-            # Code of a behaviour that does not return holds the whole process.
-            cancel = exit_hard_later(stop, hung=1)
-            nodes = counted(len(members.parts), "node")
-            work = partial(_run, team_run, display, args, nodes, " in this process")
-            try:
-                team_run.open()
-                report = members.beside_simulator(work)
-            except ZteamError:
-                if not stop.requested:
-                    raise
-                return 0
-        cancel()
-        give_back()
-    return _conclude(team_run, report, stop, args.report, members.hangs.values())
+    return _conclude(team_run, report, stop, args.report, hangs.values())
 
 
 def _give_terminal_to_debugger(display: "RunDisplay") -> None:
@@ -324,16 +300,13 @@ def _give_terminal_to_debugger(display: "RunDisplay") -> None:
     sys.addaudithook(hear)
 
 
-def _run(
-    team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, members: str, place: str = ""
-) -> "RunReport | None":
+def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, what: str) -> "RunReport | None":
     from zteam.team.run.processes import warn_of_endpoint
 
-    display.say(f"starting {members}")
+    display.say(f"starting {what}")
     team_run.start()
     endpoint = team_run.members.endpoint
-    where = f"router at {endpoint}" if endpoint else "without a router"
-    log.info("%s%s, %s; Ctrl+C stops them", members, place, where)
+    log.info("%s, %s; Ctrl+C stops them", what, f"router at {endpoint}" if endpoint else "without a router")
     if args.secure is not None:
         log.info("for tools: %s", _tool_environment(args.secure, endpoint))
     elif endpoint:
@@ -359,7 +332,7 @@ def _tool_environment(certificates: Path, endpoint: str) -> str:
 
 
 def _conclude(
-    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str] = ()
+    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str]
 ) -> int:
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, with
     the texts of those that hang, or if a robot moved on without commands."""
