@@ -1,11 +1,8 @@
 """`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: control the running simulator."""
 
 import argparse
-import sys
-import threading
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TypeVar
 
 import msgspec
 
@@ -18,13 +15,11 @@ from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError, printable
 from zteam.geometry import turn_problem
 from zteam.node.live_line import ProgressLine
-from zteam.node.output import print_block, print_json, print_line
+from zteam.node.output import print_block, print_json
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
-T = TypeVar("T")
-
 PATIENCE = 2.0
-"""Host seconds after which a step reports its progress, and a change what it waits for."""
+"""Host seconds after which a step reports its progress."""
 
 Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
@@ -75,22 +70,6 @@ def _answer(args: argparse.Namespace) -> None:
     with open_bus(args) as bus:
         reply, text = args.act(SimulatorClient(bus), args)
     print_json(reply) if args.json else print_block(text)
-
-
-def _change(make: Callable[[], T]) -> T:
-    """Ask for a change to the world; report a long wait: a participant may be holding the current tick."""
-    done = threading.Event()
-
-    def report() -> None:
-        if not done.wait(PATIENCE):
-            text = "the current tick to end; 'zteam sim status' names what it waits for (Ctrl+C to give up)"
-            print_line(f"waiting for {text}", file=sys.stderr)
-
-    threading.Thread(target=report, daemon=True).start()
-    try:
-        return make()
-    finally:
-        done.set()
 
 
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
@@ -149,12 +128,12 @@ def _speed(client: SimulatorClient, args: argparse.Namespace) -> Answer:
 
 
 def _reset(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
-    status = _change(client.reset)
+    status = client.reset()
     return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
 
 
 def _spawn(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    robot_id = _change(lambda: client.spawn(*args.pose, model=args.model, robot_id=args.id, force=args.force))
+    robot_id = client.spawn(*args.pose, model=args.model, robot_id=args.id, force=args.force)
     return SpawnReply(robot_id), str(robot_id)
 
 
@@ -162,7 +141,7 @@ def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
     ids = args.ids
     for i, robot_id in enumerate(ids):
         try:
-            status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
+            status = client.remove(robot_id)
         except BusError as error:
             raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
     gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
@@ -171,7 +150,7 @@ def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
 
 def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
     x, y, yaw = args.pose
-    status = _change(lambda: client.move(args.id, x, y, yaw, force=args.force))
+    status = client.move(args.id, x, y, yaw, force=args.force)
     return status, f"robot {args.id} is at x {x:zg}, y {y:zg}, yaw {yaw:zg}"
 
 

@@ -33,17 +33,11 @@ def build_parser() -> Parser:
     show = parser.add_verb("show", _show, "draw a world and its robots")
     show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png", help="picture to write")
     show.add_argument("--scan", action="store_true", help="draw what the lasers see")
-    add_option(show, "--width", typed=(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width")
     scan = parser.add_verb("scan", _scan, "print what the lasers of one robot measure")
     robot, text = (0, MAX_ROBOT_ID, "a robot id"), "robot id: its place in the file"
     add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
     pose, text = (-1e6, 1e6, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
     add_option(scan, "--pose", typed=pose, nargs=3, metavar=("X", "Y", "YAW_DEG"), help=text)
-    text = "use one laser with so many beams, instead of the robot's own"
-    add_option(scan, "--beams", typed=(1, 100_000, "beams"), help=text)
-    text = "field of view of that laser, degrees"
-    add_option(scan, "--fov-deg", typed=(1e-3, 360.0, "degrees"), help=text)
-    add_option(scan, "--range", typed=(1e-3, 1e6, "metres"), metavar="M", help="maximum range of that laser")
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
@@ -176,7 +170,7 @@ def _show(args: argparse.Namespace, world: World) -> None:
         from zteam.simulator.core import Engine
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
-    draw_world(world, Path(args.output), width=args.width, fans=fans)
+    draw_world(world, Path(args.output), fans=fans)
     print_line(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
 
 
@@ -205,7 +199,7 @@ def _scan(args: argparse.Namespace, world: World) -> None:
     if args.pose is not None:
         x, y, yaw_deg = args.pose
         robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
-    robots[args.robot] = msgspec.structs.replace(robot, rangers=_rangers(args, robot))
+    robots[args.robot] = robot
     seen = Engine(world, robots=robots).observe().robots[args.robot]
     pairs = zip(seen.robot.rangers, seen.readings, strict=True)
     lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
@@ -219,20 +213,6 @@ def _scan(args: argparse.Namespace, world: World) -> None:
             f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
             f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}"
         )
-
-
-def _rangers(args: argparse.Namespace, robot: Robot) -> tuple[Ranger, ...]:
-    """The robot's own lasers, or the one given by options: at the place of its first laser, else on top of its base."""
-    given = args.beams, args.fov_deg, args.range
-    if given == (None, None, None):
-        return robot.rangers
-    if None in given:
-        raise UsageError("--beams, --fov-deg and --range belong together: give all three")
-    top = max((shape.z_max for shape in robot.shapes), default=0.0)
-    place = robot.rangers[0] if robot.rangers else Ranger("laser", 0.0, 0.0, top, 0.0, 0.0, 1, 0.0, 1.0)
-    return (
-        Ranger("laser", place.x, place.y, place.z, place.yaw, math.radians(args.fov_deg), args.beams, 0.0, args.range),
-    )
 
 
 def _laser(ranger: Ranger) -> dict[str, Any]:

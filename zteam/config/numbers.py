@@ -40,14 +40,6 @@ def parse_whole(text: str, low: int, high: int, what: str) -> int:
     return int(word)
 
 
-def is_number(text: str, limit: float = math.inf) -> bool:
-    """Whether `text` is a number of magnitude `limit` at most; NaN is none."""
-    try:
-        return abs(float(text)) <= limit
-    except ValueError:
-        return False
-
-
 def counted(count: float, noun: str, plural: str = "") -> str:
     """A count and its noun: `1 robot`, `2 robots`; `plural` is for a noun that does not only take an s."""
     shown = f"{count}" if isinstance(count, int) else f"{count:g}"

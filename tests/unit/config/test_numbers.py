@@ -2,7 +2,7 @@
 
 import pytest
 
-from zteam.config.numbers import counted, format_factor, format_rate, is_number, parse_number, parse_whole, percentile
+from zteam.config.numbers import counted, format_factor, format_rate, parse_number, parse_whole, percentile
 from zteam.errors import UsageError
 
 
@@ -36,13 +36,6 @@ def test_a_whole_number_has_digits_only(text: str) -> None:
     """Other notations, and numbers out of range, are refused."""
     with pytest.raises(UsageError, match="give steps from -3 to 5"):
         parse_whole(text, -3, 5, "steps")
-
-
-def test_is_number_tells_numbers_from_words() -> None:
-    """Any notation of `float` is a number; words and NaN are none, nor is one above a limit in magnitude."""
-    assert all(map(is_number, ("-1e-3", "inf", " 2 ")))
-    assert not any(map(is_number, ("nan", "map", "")))
-    assert [is_number(text, 10.0) for text in ("-10", "10.5", "inf")] == [True, False, False]
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.0, 1.0), (0.5, 51.0), (0.99, 100.0), (1.0, 100.0)])

@@ -125,7 +125,7 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if len({"", names.strip_slash(self.parent), names.strip_slash(self.child)}) < 3:
-            raise KeyValueError("child", "parent and child must be the names of two frames")
+            raise KeyValueError("child", "must be the name of another frame than parent")
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
             if not math.isfinite(getattr(self, name)):
                 raise KeyValueError(name, f"{getattr(self, name)} is no number to place a frame with")
@@ -135,7 +135,7 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.
         is_turn = len(given) == 4 and 0.9 < math.hypot(*given) < 1.1
         if given and (not is_turn or self.yaw or self.pitch or self.roll):
-            raise KeyValueError("qw", "a turn is yaw, pitch, roll, or else all of qx, qy, qz, qw with a length of 1")
+            raise KeyValueError("qw", "belongs to all of qx, qy, qz, qw with a length of 1, without yaw, pitch, roll")
 
     @property
     def quaternion(self) -> list[float]:
