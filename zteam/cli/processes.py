@@ -76,6 +76,8 @@ def _add_simulator(parser: Parser) -> None:
     text = "add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57"
     add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text, type=option_type(_parse_addition))
     add_options(robots, SimOptions, "world_robots")
+    text = "measure the gap between two robots, e.g. 1:0"
+    add_repeated(robots, "--gap", "FOLLOWER:LEADER", text, type=option_type(_parse_gap))
     time = parser.add_argument_group("time (docs/time.md)")
     add_options(time, SimOptions, "run_for", "until", "speed", "paused")
     time.add_argument("--lockstep", action="store_true", help="begin a tick when every participant has answered")
@@ -102,6 +104,14 @@ def _lockstep_options(args: argparse.Namespace) -> LockStepOptions | None:
     return None
 
 
+def _parse_gap(text: str) -> tuple[int, int]:
+    """(follower, leader) of FOLLOWER:LEADER."""
+    follower, colon, leader = text.partition(":")
+    if not colon:
+        raise UsageError(f"{text!r} is not FOLLOWER:LEADER, e.g. 1:0")
+    return names.parse_robot_id(follower), names.parse_robot_id(leader)
+
+
 def _parse_addition(text: str) -> tuple[int, str, Pose2]:
     """(id, model, pose in `map`) of ID:MODEL:X:Y:YAW."""
     # No other process pays for this import.
@@ -121,6 +131,7 @@ def _read_simulator(args: argparse.Namespace) -> Read:
         args,
         world=Path(args.world),
         added=tuple(args.add),
+        follows=dict(args.gap),
         engine=_simulation_options(args),
         speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
         lockstep=_lockstep_options(args),

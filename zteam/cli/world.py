@@ -33,6 +33,7 @@ def build_parser() -> Parser:
     show = parser.add_verb("show", _show, "draw a world and its robots")
     show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png", help="picture to write")
     show.add_argument("--scan", action="store_true", help="draw what the lasers see")
+    add_option(show, "--width", typed=(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width")
     scan = parser.add_verb("scan", _scan, "print what the lasers of one robot measure")
     robot, text = (0, MAX_ROBOT_ID, "a robot id"), "robot id: its place in the file"
     add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
@@ -170,7 +171,7 @@ def _show(args: argparse.Namespace, world: World) -> None:
         from zteam.simulator.core import Engine
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
-    draw_world(world, Path(args.output), fans=fans)
+    draw_world(world, Path(args.output), width=args.width, fans=fans)
     print_line(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
 
 

@@ -62,10 +62,8 @@ class Expansion:
         self._previous: int | None = -1
         """The id of the robot before; -1 before the first, None where that id cannot be read."""
         self._seen: dict[int, KeyPlace] = {}
-        self._defaults = team.get("defaults", {})
-        if not isinstance(self._defaults, dict):
-            self.mistakes.append(Mistake(team.place_of("defaults"), "a table is expected, as in [defaults]"))
-            self._defaults = {}
+        found = team.get("defaults")
+        self._defaults = found if isinstance(found, Table) else Table(team.place)
         for key in self._defaults.keys() & {*_OWN_KEYS}:
             place = team.place_of("defaults", key)
             self.mistakes.append(Mistake(place, "robots cannot share it; give it in [[robots]]"))

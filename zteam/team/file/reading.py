@@ -4,9 +4,9 @@ One direction: files (`sources`), one table a robot (`groups`), typed entries (`
 together (`rules`).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -22,8 +22,19 @@ from zteam.team.file.sources import LISTS, Argument, Files, Mistake, Table, erro
 
 S = TypeVar("S", bound=msgspec.Struct)
 
-KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "security", "include")
-"""Of a team file."""
+
+class Tables(msgspec.Struct, forbid_unknown_fields=True):
+    """The keys of a team file."""
+
+    robots: Annotated[list[dict[str, Any]], msgspec.Meta(min_length=1)]
+    team: dict[str, Any] = {}
+    nodes: list[dict[str, Any]] = []
+    defaults: dict[str, Any] = {}
+    static_transforms: list[dict[str, Any]] = []
+    simulation: dict[str, Any] = {}
+    security: dict[str, Any] = {}
+    include: Any = None
+    """It is read with each file."""
 
 
 class TeamFile(msgspec.Struct):
@@ -90,16 +101,17 @@ def team_world(file: TeamFile) -> Path | None:
 
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
-    mistakes = [*files.mistakes, *_check_keys(table)]
+    problems = problems_of(table, Tables)
+    # A key that is missing may be one that is misspelt.
+    mistakes = [*files.mistakes, *table.locate(each for each in problems if each.path or len(problems) == 1)]
     ids_known = isinstance(table.get("robots"), list)
     for name in LISTS:
-        table.put(name, _tables_of(table, name, mistakes), table.place_of(name))
-    if ids_known:
-        expansion = Expansion(table)
-        ids_known = expansion.ids_known
-        mistakes += expansion.mistakes
-        table.put("robots", expansion.robots, table.place_of("robots"))
-    problems: list[Problem] = []
+        listed = table[name] if isinstance(table.get(name), list) else []
+        table.put(name, [each for each in listed if isinstance(each, Table)], table.place_of(name))
+    expansion = Expansion(table)
+    mistakes += expansion.mistakes
+    table.put("robots", expansion.robots, table.place_of("robots"))
+    problems = []
     robots = _array(table, "robots", RobotEntry, problems)
     nodes = _array(table, "nodes", NodeEntry, problems)
     transforms = _array(table, "static_transforms", StaticTransform, problems)
@@ -107,7 +119,7 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folder = table.place_of("nodes", i).source.path.parent / entry.folder
         nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
     ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
-    problems += check_follows(robots, ids if ids_known else None)
+    problems += check_follows(robots, ids if ids_known and expansion.ids_known else None)
     problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
     security = _section(table, "security", Security, problems)
     problems += check_grants(security)
@@ -123,36 +135,6 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
     file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, not files.missing)
     file.mistakes = files.missing or [*mistakes, *file.table.locate(problems)]
     return file
-
-
-def _check_keys(table: Table) -> Iterator[Mistake]:
-    """Unknown keys of the file, and a missing one; `table` gets what a misspelt key means.
-
-    So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
-    """
-    for key in [key for key in table if key not in KEYS]:
-        place = table.place_of(key)
-        yield Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}")
-        meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in table), None)
-        if meant is not None:
-            table.put(meant, table[key], place)
-    if "robots" not in table:
-        yield Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id")
-    elif table["robots"] == []:
-        yield Mistake(table.place_of("robots"), "no robot is listed: add a table [[robots]] with an id")
-
-
-def _tables_of(table: Table, name: str, mistakes: list[Mistake]) -> list[Table]:
-    """The tables of a [[name]] array."""
-    value = table.get(name, [])
-    if not isinstance(value, list):
-        text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
-        mistakes.append(Mistake(table.place_of(name), text))
-        return []
-    for i, inner in enumerate(value):
-        if not isinstance(inner, Table):
-            mistakes.append(Mistake(table.place_of(name, i), f"a table is expected, not {inner!r}"))
-    return [inner for inner in value if isinstance(inner, Table)]
 
 
 def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:

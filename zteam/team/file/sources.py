@@ -8,12 +8,12 @@ import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
 from zteam.config import resources
-from zteam.config.problems import Problem, problems_of
+from zteam.config.problems import Problem
 from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
@@ -129,12 +129,6 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
     return fill(value, place) if fill and isinstance(value, str) else value
 
 
-class _Head(msgspec.Struct):
-    """What a file says of others."""
-
-    include: list[Annotated[str, msgspec.Meta(min_length=1)]] = []
-
-
 class Argument(NamedTuple):
     """One place at which a file takes an argument: a text that is exactly `${name}` or `${name:-default}`."""
 
@@ -235,9 +229,12 @@ class Files:
         return _placed(parse_value(given), place)
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
-        problems = problems_of({key: table[key] for key in table if key == "include"}, _Head)
-        self.mistakes += table.locate(problems)
-        for i, text in enumerate([] if problems else table.get("include", [])):
+        listed = table.get("include", [])
+        if not (isinstance(listed, list) and all(isinstance(text, str) and text for text in listed)):
+            told = 'a list of team files is expected, such as ["base.toml"]'
+            self.mistakes.append(Mistake(table.place_of("include"), told))
+            listed = []
+        for i, text in enumerate(listed):
             place = table.place_of("include", i)
             beside = place.source.path.parent / text
             if len(self.sources) >= MAX_FILES:

@@ -118,10 +118,10 @@ def test_a_mistake_is_one_line_at_its_place(tmp_path: Path, text: str, place: st
 
 
 def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
-    """One line for each; the tables that a misspelt key means are checked too."""
+    """One line for each; a table with a misspelt name is one."""
     path = tmp_path / "team.toml"
     path.write_text(
-        "[team]\nsede = 1\nworld = {}\n[[robot]]\nid = 'a'\nfollow = -1\n[[robot]]\nid = 1\nfollow = 9\n"
+        "[team]\nsede = 1\nworld = {}\n[[robots]]\nid = 'a'\nfollow = -1\n[[robots]]\nid = 1\nfollow = 9\n"
         "[[static_transforms]]\nparent = 'map'\n[simulation]\ndazzle = 'x'\n[teams]\nseed = 'x'\n"
     )
     with pytest.raises(ConfigError) as told:
@@ -130,10 +130,9 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) 
     assert places == [
         ["2", "team.sede"],
         ["3", "team.world"],
-        ["4", "robot"],
-        ["5", "robot[0].id"],
-        ["6", "robot[0].follow"],
-        ["9", "robot[1].follow"],
+        ["5", "robots[0].id"],
+        ["6", "robots[0].follow"],
+        ["9", "robots[1].follow"],
         ["10", "static_transforms[0]"],
         ["13", "simulation.dazzle"],
         ["14", "teams"],
