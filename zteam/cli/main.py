@@ -110,7 +110,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     name, *rest = arguments
     if name in COMMANDS:
         return _run(COMMANDS[name][0], rest)
-    from zteam.cli.usage import unknown_command
-
-    print_line(f"zteam: {unknown_command(name, rest, COMMANDS)}", file=sys.stderr)
+    print_line(f"zteam: {_unknown(name, rest)}", file=sys.stderr)
     return 2
+
+
+def _unknown(name: str, rest: Sequence[str]) -> str:
+    """What to say of a word in the place of a command, before the words `rest`."""
+    from pathlib import Path
+
+    from zteam.config.resources import existing_file, shipped_team
+    from zteam.errors import did_you_mean
+
+    if shipped_team(name) or existing_file(Path(name)):
+        hint = f": did you mean 'zteam {' '.join(['up', name, *rest])}'?"
+    elif name.startswith("-"):
+        hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
+    else:
+        near = did_you_mean(name, COMMANDS, most=2, form=": did you mean {}?")
+        hint = near or f": commands: {', '.join(COMMANDS)}"
+    return f"no command {name!r}{hint}"

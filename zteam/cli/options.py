@@ -13,9 +13,8 @@ import msgspec
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.usage import answer, unknown_subcommand, unknown_words
 from zteam.config.numbers import parse_number, parse_whole
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, did_you_mean
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
 from zteam.node.logs import LEVELS, start_logging
@@ -29,6 +28,7 @@ MAX_RATE = 1e4
 """Hz at which a command can repeat something."""
 FORMATS = ("text", "json")
 """Values of `--log-format`."""
+_DID_YOU_MEAN = ": did you mean {}?"
 
 
 class Parser(argparse.ArgumentParser):
@@ -67,8 +67,8 @@ class Parser(argparse.ArgumentParser):
         """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
         names = [(word, word.partition("=")[0]) for word in self._words if word.startswith("--")]
         unknown = [word for word, name in names if not any(o.startswith(name) for o in self._option_string_actions)]
-        text = f"{message}; {unknown_words(self, unknown)}" if unknown else message
-        self.exit(2, answer(self, text) + "\n")
+        text = f"{message}; {_unknown_words(self, unknown)}" if unknown else message
+        self.exit(2, _answer(self, text) + "\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
@@ -79,7 +79,7 @@ class Parser(argparse.ArgumentParser):
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]
         if unknown:
-            self.error(unknown_words(self, unknown))
+            self.error(_unknown_words(self, unknown))
         # The parser of a subcommand has parsed before.
         found.parser = getattr(found, "parser", self)
         return found, unknown
@@ -88,8 +88,42 @@ class Parser(argparse.ArgumentParser):
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             # Its options are not known.
             self._words = ()
-            self.error(unknown_subcommand(value, action.choices))
+            self.error(f"no subcommand {value!r}{did_you_mean(value, action.choices, most=2, form=_DID_YOU_MEAN)}")
         super()._check_value(action, value)
+
+
+def _answer(parser: argparse.ArgumentParser, mistake: str) -> str:
+    """One line: the mistake, and the usage of the command."""
+    return " ".join(f"{parser.prog}: {mistake.removeprefix('argument ')}; usage: {_usage(parser)}".split())
+
+
+def _usage(parser: argparse.ArgumentParser) -> str:
+    """What a command requires; its help has the options."""
+    needed = [action for action in parser._actions if action.required or not action.option_strings]
+    words = parser.usage or " ".join([parser.prog, *map(_word, needed)])
+    return f"{words} … ({parser.prog} --help)"
+
+
+def _word(action: argparse.Action) -> str:
+    metavar = action.metavar or "|".join(map(str, action.choices or ())) or action.dest.upper()
+    name = " ".join(metavar) if isinstance(metavar, tuple) else metavar
+    name = {"?": f"[{name}]", "*": f"[{name} …]", "+": f"{name} …"}.get(str(action.nargs), name)
+    return " ".join([*action.option_strings[-1:], name])
+
+
+def _unknown_words(parser: argparse.ArgumentParser, words: Sequence[str]) -> str:
+    """What to say of words that a command does not take."""
+    if not any(word.startswith("-") for word in words):
+        return ", ".join(f"{word!r} is too much" for word in words)
+    # The word behind an unknown option is its value.
+    options = [word.partition("=") for word in words if word.startswith("-")]
+    told = []
+    for name, _, value in options:
+        hint = did_you_mean(name, parser._option_string_actions, most=2, form=_DID_YOU_MEAN)
+        if value and getattr(parser, "takes_assignments", False):
+            hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
+        told.append(f"no option {name!r}{hint}")
+    return ", ".join(told)
 
 
 def _is_assignment(word: str) -> bool:

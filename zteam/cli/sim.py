@@ -9,7 +9,7 @@ import msgspec
 from zteam import names
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, add_option, option_type, parse_speed, run_tool
-from zteam.clock import monotonic, to_seconds
+from zteam.clock import to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError, printable
@@ -17,9 +17,6 @@ from zteam.geometry import turn_problem
 from zteam.node.live_line import ProgressLine
 from zteam.node.output import print_block, print_json
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
-
-PATIENCE = 2.0
-"""Host seconds after which a step reports its progress."""
 
 Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
@@ -97,20 +94,10 @@ def _resume(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
 
 
 def _step(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    begin, first, last = monotonic(), None, None
     with ProgressLine() as progress:
 
         def report(status: SimStatus) -> None:
-            nonlocal first, last
-            first = status.tick if first is None else first
-            # Every participant is waited for between two ticks: name one only if it still holds the same tick.
-            held = _format_hold(status) if status.tick == last else ""
-            last = status.tick
-            if monotonic() - begin >= PATIENCE:
-                progress.show(
-                    f"{last - first} of {args.ticks} ticks, now {_format_when(status)}{held}, "
-                    f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
-                )
+            progress.show(f"{_format_when(status)}, real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)")
 
         try:
             status = client.step(args.ticks, on_progress=report)

@@ -6,17 +6,17 @@ from functools import partial
 
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.usage import ENDS_TEAM
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import ZteamError
 from zteam.node.output import print_json, print_line
 from zteam.robot.client import StopClient, StopResult
 
+_ENDS_TEAM = "to end a team, press Ctrl+C where 'zteam up' runs"
 _EPILOG = f"""While a robot is stopped its process commands zero velocity, and the simulator holds its body. Both
 confirm it; the exit code is 1 if one of them has not confirmed within 1 s. The robots keep their goals. A real base
 without a robot process is not held.
 
-This ends no process: {ENDS_TEAM}."""
+This ends no process: {_ENDS_TEAM}."""
 
 
 def build_parser() -> Parser:
@@ -48,7 +48,7 @@ def _print(results: list[StopResult], *, release: bool) -> None:
     for result in results:
         print_line(str(result), file=sys.stdout if result.is_done else sys.stderr)
     if any(result.confirmed for result in results) and not release:
-        print_line(f"they stand until 'zteam stop --release' ({ENDS_TEAM})")
+        print_line(f"they stand until 'zteam stop --release' ({_ENDS_TEAM})")
 
 
 main = partial(run_tool, build_parser, _stop, read=_read)
