@@ -4,7 +4,6 @@
 """
 
 import argparse
-import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -12,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
+from zteam.cli.goto import goal_facts, left_of, result_text, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, checked, run
@@ -166,11 +165,5 @@ def _row(errand: Errand) -> tuple[str, ...]:
     if watch is None:
         state = "paused" if errand.is_paused else "no goal"
         return errand.client.name, state, "", "", "", *sums, ""
-    status = watch.status
-    left, time, recoveries = "", "", ""
-    if status is not None:
-        left = f"{status.distance_remaining:.1f} m" if math.isfinite(status.distance_remaining) else ""
-        seconds = seconds_of(status.estimated_time_remaining)
-        time = f"{seconds:.0f} s" if seconds > 0.0 else ""
-        recoveries = str(status.recoveries)
-    return errand.client.name, state_text(errand.client, watch), left, time, recoveries, *sums, goal_text(watch.goal)
+    row = errand.client.name, state_text(errand.client, watch), *left_of(watch.status)
+    return *row, *sums, goal_text(watch.goal)

@@ -214,8 +214,12 @@ def check_together(
     args: argparse.Namespace, needs: Mapping[str, Sequence[str]], excludes: Mapping[str, Sequence[str]]
 ) -> None:
     """Raise UsageError for an option without one of those that it `needs`, or with one that it `excludes`."""
-    flags = {action.dest: action.option_strings[-1] for action in args.parser._actions if action.option_strings}
-    given = {flag for name, flag in flags.items() if getattr(args, name, None) not in (None, False, (), [])}
+    given = set()
+    for action in args.parser._actions:
+        value, is_switched_off = getattr(args, action.dest, None), action.default is True
+        is_given = not (value is None or value is False or value in ((), []))
+        if action.option_strings and is_given != is_switched_off:
+            given.add(action.option_strings[-1])
     for flag, others in needs.items():
         if flag in given and not given.intersection(others):
             raise UsageError(f"{flag} needs {' or '.join(others)}")
