@@ -32,8 +32,8 @@ class Mistake(NamedTuple):
 
 
 def _usage(command: str, *told: str) -> Mistake:
-    """A command line that is refused before anything is opened: the answer ends with the usage."""
-    return Mistake(command, (*told, "; usage: zteam"))
+    """A command line that is refused before anything is opened: the answer ends with the help to see."""
+    return Mistake(command, (*told, "; see 'zteam"))
 
 
 def _refused(command: str, *told: str, code: int = 2) -> Mistake:
@@ -79,12 +79,12 @@ ALONE = (
     _usage("zteam sim unpause", "no subcommand 'unpause': did you mean pause?"),
     _usage("zteam bench sm", "'sm': did you mean sim?"),
     _usage("zteam world show arena --otput=x", "; no option '--otput': did you mean --output?"),
-    _usage("zteam tf static 1 --pos", "zteam tf static: no option '--pos'; usage: zteam tf static X Y Z YAW"),
+    _usage("zteam tf static 1 --pos", "zteam tf static: no option '--pos'; see 'zteam tf static --help'"),
     _usage("zteam node list all", "'all' is too much"),
-    _usage("zteam sim speed", "required: X|max; usage: zteam sim speed X|max … (zteam sim speed --help)"),
-    _usage("zteam topic pub robot_0/cmd_vel", "required: TYPE; usage: zteam topic pub KEY TYPE ['{…}' …] … ("),
-    _usage("zteam sim spawn", "required: --pose; usage: zteam sim spawn --pose X Y YAW … ("),
-    _usage("zteam up --for", "zteam up: --for: expected one argument; usage: zteam up [TEAM]"),
+    _usage("zteam sim speed", "required: X|max; see 'zteam sim speed --help'"),
+    _usage("zteam topic pub robot_0/cmd_vel", "required: TYPE; see"),
+    _usage("zteam sim spawn", "required: --pose; see"),
+    _usage("zteam up --for", "zteam up: --for: expected one argument; see"),
     _refused("zteam topic list --connect 127.0.0.1:7447", "give PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447"),
     _refused("zteam topic list --connect tcp/127.0.0.1:99999", "port '99999': give a port from 0 to 65535"),
     _refused("zteam-router --listen tcp/127.0.0.1:²", "port '²': give a port from 0 to 65535"),
@@ -116,7 +116,7 @@ ALONE = (
     _usage("zteam sim spawn --id 10000 --pose 0 0 0", "robot id '10000' is not"),
     _usage("zteam sim remove robot_0", "remove: 'robot_0': give robot ids from 0 to 9999"),
     _usage("zteam sim remove 3-1", "remove: '3-1': the first id is above the last"),
-    _usage("zteam goto", "required: ID; usage: zteam goto ID [X Y [YAW] …] …"),
+    _usage("zteam goto", "required: ID; see"),
     _usage("zteam goto 1 2", "give X Y, or X Y YAW, in the map"),
     _usage("zteam goto 1 2 3 4 5", "give X Y, or X Y YAW, in the map"),
     _usage("zteam goto robot_1 2 3", "robot id 'robot_1' is not a whole number from 0 to 9999; give 1"),
@@ -226,7 +226,7 @@ ALONE = (
         "say --bus too, or leave --in-process out",
     ),
     # World files.
-    _usage("zteam-sim", "required: WORLD; usage: zteam-sim WORLD …"),
+    _usage("zteam-sim", "required: WORLD; see"),
     _usage("zteam-sim arena --gui", "no option '--gui'"),
     _refused("zteam-sim no.world", "No such file", "(arena, ", "office"),
     _usage("zteam-sim arena --add 7:erratic:1:1", "is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57"),
@@ -264,7 +264,7 @@ ALONE = (
     _usage("zteam world scan arena --robot 0 --pose nan 0 0", "give metres and degrees from"),
     _refused("zteam world show arena -o x.gif", "x.gif"),
     # Single processes and behaviours.
-    _usage("zteam-robot", "required: --id; usage: zteam-robot --id N …"),
+    _usage("zteam-robot", "required: --id; see"),
     _usage("zteam-robot --id -1", "--id: robot id '-1' is not a whole number from 0 to 9999"),
     _usage("zteam-robot --id 1 --follow 1", "--follow 1: a robot cannot follow itself"),
     _usage("zteam-robot --id 1 --follow 0 --param leader=2", "--follow names the leader already"),
@@ -302,8 +302,8 @@ ALONE = (
     _refused("zteam check wandr", "no behaviour 'wandr' (did you mean wander?)"),
     _refused("zteam check wander --param speed=9", "behaviour wander: speed: "),
     _refused("zteam check path", "behaviour path needs waypoints: give --param waypoints=VALUE"),
-    _refused("zteam new behavior my-robot", "cannot be the name of a Python module; did you mean my_robot?"),
-    _refused("zteam new behavior ../robot.py", "cannot be the name of a Python module; did you mean robot?"),
+    _refused("zteam new behavior my-robot", "cannot be the name of a Python module"),
+    _refused("zteam new behavior ../robot.py", "cannot be the name of a Python module"),
     _refused("zteam new node 2robots", "'2robots' cannot be the name of a Python module"),
     _refused("zteam new node class", "'class' cannot be the name of a Python module"),
     *(_refused(f"zteam new node {name}", f"{name!r} is a module", "would hide it") for name in ("random", "numpy")),

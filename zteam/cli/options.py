@@ -93,22 +93,8 @@ class Parser(argparse.ArgumentParser):
 
 
 def _answer(parser: argparse.ArgumentParser, mistake: str) -> str:
-    """One line: the mistake, and the usage of the command."""
-    return " ".join(f"{parser.prog}: {mistake.removeprefix('argument ')}; usage: {_usage(parser)}".split())
-
-
-def _usage(parser: argparse.ArgumentParser) -> str:
-    """What a command requires; its help has the options."""
-    needed = [action for action in parser._actions if action.required or not action.option_strings]
-    words = parser.usage or " ".join([parser.prog, *map(_word, needed)])
-    return f"{words} … ({parser.prog} --help)"
-
-
-def _word(action: argparse.Action) -> str:
-    metavar = action.metavar or "|".join(map(str, action.choices or ())) or action.dest.upper()
-    name = " ".join(metavar) if isinstance(metavar, tuple) else metavar
-    name = {"?": f"[{name}]", "*": f"[{name} …]", "+": f"{name} …"}.get(str(action.nargs), name)
-    return " ".join([*action.option_strings[-1:], name])
+    """One line: the mistake, and where all that the command takes is listed."""
+    return " ".join(f"{parser.prog}: {mistake.removeprefix('argument ')}; see '{parser.prog} --help'".split())
 
 
 def _unknown_words(parser: argparse.ArgumentParser, words: Sequence[str]) -> str:

@@ -75,20 +75,15 @@ def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
 
 def find_robots(client: ParametersClient, text: str) -> Robots:
     """The robots that a user names, in the order of their ids, and their parameters. Raises UsageError, BusError."""
-    pattern = names.strip_slash(text).replace("$*", "*")
+    pattern, found = names.strip_slash(text).replace("$*", "*"), client.describe_all()
     if pattern[:1].isdigit():
         wanted = [names.robot_name(robot_id) for robot_id in parse_robot_ids([pattern], "NAME")]
-    elif "*" not in pattern:
-        wanted = [pattern]
     else:
-        found = client.describe_all()
-        matching = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
-        if not matching:
-            if not found:
-                raise BusError("no robot tells its parameters: start a team with 'zteam up'")
-            raise BusError(f"no robot {text}: there is {', '.join(sorted(found, key=_order))}")
-        return {name: found[name] for name in matching}
-    return {name: client.describe(name) for name in wanted}
+        wanted = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order) or [text]
+    if lacking := [name for name in wanted if name not in found]:
+        there = ", ".join(sorted(found, key=_order)) or "none: start a team with 'zteam up'"
+        raise BusError(f"no process {lacking[0]} with parameters; there is {there}")
+    return {name: found[name] for name in wanted}
 
 
 def _order(name: str) -> tuple[int, str]:

@@ -12,7 +12,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.graph import SURVEY, near_keys
+from zteam.bus.graph import SURVEY
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
 from zteam.cli.options import (
     MAX_RATE,
@@ -69,10 +69,8 @@ def build_parser() -> Parser:
     text = "measure for S host seconds"
     add_option(monitor, "--for", dest="seconds", typed=seconds, default=5.0, metavar="S", help=text)
     positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map", *shared)
-    often = positions.add_mutually_exclusive_group()
-    often.add_argument("--once", action="store_true", help="print once (the default)")
-    rate = (1e-3, MAX_RATE, "positions a second")
-    add_option(often, "--rate", typed=rate, metavar="HZ", help="repeat until Ctrl+C")
+    rate, text = (1e-3, MAX_RATE, "positions a second"), "repeat until Ctrl+C (default: print once)"
+    add_option(positions, "--rate", typed=rate, metavar="HZ", help=text)
     static = parser.add_verb(
         "static",
         _hold_static,
@@ -262,7 +260,6 @@ def _hold_static(args: argparse.Namespace) -> None:
                     raise ZteamError(f"refused: {why_refused(bus, request, reply.refused)}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
-                _warn_of_an_unknown_parent(bus, request)
         except KeyboardInterrupt:
             return
 
@@ -284,15 +281,6 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     at, rotation = found.transform.translation, found.transform.rotation
     turned = (rotation.x, rotation.y, rotation.z, rotation.w)
     return StaticRequest(found.header.frame_id, found.child_frame_id, caller, at.x, at.y, at.z, *turned)
-
-
-def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
-    """Warn if no process publishes the parent: the new frame then is in a tree of its own."""
-    edges = {(frame.parent, child) for child, frame in (find_frames(bus) or {}).items()}
-    known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
-    if known and request.parent not in known:
-        text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
-        print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
 
 
 main = partial(run_tool, build_parser, None)
