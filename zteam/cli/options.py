@@ -13,7 +13,7 @@ import msgspec
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.config.numbers import parse_number, parse_whole
+from zteam.config.numbers import N, parse_number
 from zteam.errors import UsageError, ZteamError, did_you_mean
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
@@ -51,12 +51,11 @@ class Parser(argparse.ArgumentParser):
         act: Callable[..., object],
         text: str,
         *shared: "Callable[[Parser], object]",
-        usage: str = "",
     ) -> "Parser":
         """Add a subcommand, whose `args.act` is `act`, with options that `shared` functions add."""
         if self._verbs is None:
             self._verbs = self.add_subparsers(dest="verb", required=True)
-        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage or None)
+        verb = self._verbs.add_parser(name, help=text, description=text)
         verb.set_defaults(act=act)
         for add in shared:
             add(verb)
@@ -116,14 +115,9 @@ def _is_assignment(word: str) -> bool:
     return word.partition("=")[0].isidentifier() and "=" in word
 
 
-def number(low: float, high: float, what: str) -> Callable[[str], float]:
-    """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
+def number(low: N, high: N, what: str) -> Callable[[str], N]:
+    """The `type` of an option: a number from `low` to `high`, a whole one if these are; an error asks for `what`."""
     return option_type(lambda text: parse_number(text, low, high, what))
-
-
-def whole(low: int, high: int, what: str) -> Callable[[str], int]:
-    """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
-    return option_type(lambda text: parse_whole(text, low, high, what))
 
 
 def _one_of(text: str, choices: Sequence[str]) -> str:
@@ -155,7 +149,7 @@ def add_option(
     if "choices" in keywords:
         keywords["type"] = option_type(partial(_one_of, choices=keywords["choices"]))
     if typed is not None:
-        keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
+        keywords["type"] = number(*typed)
     if default and "default" not in text and not isinstance(default, bool):
         keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
     parser.add_argument(*flags, **keywords)

@@ -71,13 +71,8 @@ def build_parser() -> Parser:
     positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map", *shared)
     rate, text = (1e-3, MAX_RATE, "positions a second"), "repeat until Ctrl+C (default: print once)"
     add_option(positions, "--rate", typed=rate, metavar="HZ", help=text)
-    static = parser.add_verb(
-        "static",
-        _hold_static,
-        "hold a fixed transform until Ctrl+C",
-        add_bus_options,
-        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
-    )
+    static = parser.add_verb("static", _hold_static, "hold a fixed transform until Ctrl+C", add_bus_options)
+    static.usage = "zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)"
     static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
     for sub in (echo, positions):
         add_clock_option(sub)
