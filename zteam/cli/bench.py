@@ -80,9 +80,10 @@ def build_parser() -> Parser:
     add_option(sim, "--range", typed=metres, default=30.0, metavar="N", help="maximum range of the lasers, metres")
     sim.add_argument("--physics", choices=PHYSICS, help="contacts (default: what the world says, else dynamic)")
     text = "run in real time; measure latency, lateness, CPU and memory"
-    team.add_argument("--realtime", action="store_true", help=text)
+    how = team.add_mutually_exclusive_group()
+    how.add_argument("--realtime", action="store_true", help=text)
     text = "also run the same team in one process, and the simulator's core alone"
-    team.add_argument("--in-process", action="store_true", help=text)
+    how.add_argument("--in-process", action="store_true", help=text)
     return parser
 
 
@@ -100,8 +101,6 @@ def _measure_core(args: argparse.Namespace) -> Figures:
 
 
 def _measure_team(args: argparse.Namespace) -> Figures:
-    if args.realtime and args.in_process:
-        raise UsageError("--in-process compares teams in lock-step: leave --realtime out")
     world, size = find_world(args.world), (args.robots, args.beams, args.seconds)
     return measure_team(world, *size, realtime=args.realtime, in_process=args.in_process)
 

@@ -34,8 +34,6 @@ _DID_YOU_MEAN = ": did you mean {}?"
 class Parser(argparse.ArgumentParser):
     """A command line that reports a mistake on one line."""
 
-    _words: Sequence[str] = ()
-    """What is being parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
     _verbs: "argparse._SubParsersAction[Parser] | None" = None
@@ -63,52 +61,37 @@ class Parser(argparse.ArgumentParser):
         return verb
 
     def error(self, message: str) -> NoReturn:
-        """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
-        names = [(word, word.partition("=")[0]) for word in self._words if word.startswith("--")]
-        unknown = [word for word, name in names if not any(o.startswith(name) for o in self._option_string_actions)]
-        text = f"{message}; {_unknown_words(self, unknown)}" if unknown else message
-        self.exit(2, _answer(self, text) + "\n")
+        """End with 2, and one line: the mistake, and where all that the command takes is listed."""
+        text = f"{self.prog}: {message.removeprefix('argument ')}; see '{self.prog} --help'"
+        self.exit(2, f"{' '.join(text.split())}\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
-        self._words = list(sys.argv[1:] if args is None else args)
-        found, unknown = super().parse_known_args(self._words, namespace)
-        self._words = ()
+        found, unknown = super().parse_known_args(args, namespace)
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]
         if unknown:
-            self.error(_unknown_words(self, unknown))
+            self.error(self._unknown_words(unknown))
         # The parser of a subcommand has parsed before.
         found.parser = getattr(found, "parser", self)
         return found, unknown
 
+    def _unknown_words(self, words: Sequence[str]) -> str:
+        """What to say of words that the command does not take."""
+        told = []
+        # The word behind an unknown option is its value.
+        for name, _, value in (word.partition("=") for word in words if word.startswith("-")):
+            hint = did_you_mean(name, self._option_string_actions, most=2, form=_DID_YOU_MEAN)
+            if value and self.takes_assignments:
+                hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
+            told.append(f"no option {name!r}{hint}")
+        return ", ".join(told or [f"{word!r} is too much" for word in words])
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            # Its options are not known.
-            self._words = ()
             self.error(f"no subcommand {value!r}{did_you_mean(value, action.choices, most=2, form=_DID_YOU_MEAN)}")
         super()._check_value(action, value)
-
-
-def _answer(parser: argparse.ArgumentParser, mistake: str) -> str:
-    """One line: the mistake, and where all that the command takes is listed."""
-    return " ".join(f"{parser.prog}: {mistake.removeprefix('argument ')}; see '{parser.prog} --help'".split())
-
-
-def _unknown_words(parser: argparse.ArgumentParser, words: Sequence[str]) -> str:
-    """What to say of words that a command does not take."""
-    if not any(word.startswith("-") for word in words):
-        return ", ".join(f"{word!r} is too much" for word in words)
-    # The word behind an unknown option is its value.
-    options = [word.partition("=") for word in words if word.startswith("-")]
-    told = []
-    for name, _, value in options:
-        hint = did_you_mean(name, parser._option_string_actions, most=2, form=_DID_YOU_MEAN)
-        if value and getattr(parser, "takes_assignments", False):
-            hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
-        told.append(f"no option {name!r}{hint}")
-    return ", ".join(told)
 
 
 def _is_assignment(word: str) -> bool:

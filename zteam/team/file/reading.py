@@ -1,23 +1,33 @@
 """From the merged table of a team file to typed entries: every mistake with its file and line.
 
 One direction: files (`sources`), one table a robot (`groups`), typed entries (`entries`), the rules that they obey
-together (`rules`).
+together.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from zteam import names
 from zteam.config import resources
 from zteam.config.problems import Problem, problems_of
+from zteam.config.robot_ids import circle_from, format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
 from zteam.errors import ConfigError, did_you_mean
-from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, Security, StaticTransform, Team, TeamSection
+from zteam.team.file.entries import (
+    GRANTS,
+    NO_WORLD,
+    NodeEntry,
+    RobotEntry,
+    Security,
+    StaticTransform,
+    Team,
+    TeamSection,
+)
 from zteam.team.file.groups import Expansion
-from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_transforms
 from zteam.team.file.sources import LISTS, Argument, Files, Mistake, Table, error_of
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -119,10 +129,10 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folder = table.place_of("nodes", i).source.path.parent / entry.folder
         nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
     ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
-    problems += check_follows(robots, ids if ids_known and expansion.ids_known else None)
-    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    problems += _check_follows(robots, ids if ids_known and expansion.ids_known else None)
+    problems += [*_check_nodes(nodes, ids), *_check_transforms(transforms)]
     security = _section(table, "security", Security, problems)
-    problems += check_grants(security)
+    problems += _check_grants(security)
     team = Team(
         robots=list(robots.values()),
         nodes=list(nodes.values()),
@@ -173,3 +183,53 @@ def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:
     are_numbers = [isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63) for part in command]
     words = [toml_text(part) if is_number else part for part, is_number in zip(command, are_numbers, strict=True)]
     return {**node, "command": words}
+
+
+def _check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None) -> Iterator[Problem]:
+    """Problems of leaders and followers; `ids` are all ids of the team, also those of tables with mistakes.
+
+    None: some ids could not be read.
+    """
+    leaders = {robot.id: robot.follow for robot in robots.values()}
+    circles: set[int] = set()
+    for i, robot in robots.items():
+        text = ""
+        if robot.follow is not None and ids is not None and robot.follow not in ids:
+            text = f"no robot {robot.follow} in this team (it has {format_robot_ids(ids)})"
+        elif robot.id not in circles and (circle := circle_from(robot.id, leaders)):
+            circles.update(circle)
+            text = f"robots follow each other in a circle ({' → '.join(map(str, circle))}); let one of them lead"
+        if text:
+            yield Problem(("robots", i, "follow"), text)
+
+
+def _check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterator[Problem]:
+    """Problems of the names of nodes; `ids` are the ids of the team's robots."""
+    seen: dict[str, int] = {}
+    for i, node in nodes.items():
+        text = names.name_problem(node.name)
+        if names.is_taken(node.name) or {names.robot_id_of(node.name), names.navigated_robot_of(node.name)} & {*ids}:
+            text = f"{node.name} is a process of the team already; give the node another name"
+        elif (first := seen.setdefault(node.name, i)) != i:
+            text = f"nodes[{first}] has this name already; give each node its own"
+        if text:
+            yield Problem(("nodes", i, "name"), text)
+
+
+def _check_grants(security: Security) -> Iterator[Problem]:
+    """Problems of the names of certificates, and of what they are granted."""
+    for name, words in security.grants.items():
+        text = names.name_problem(name)
+        if not (isinstance(words, list) and all(word in GRANTS for word in words)):
+            text = f"a list of these words is expected: {', '.join(GRANTS)}"
+        if text:
+            yield Problem(("security", "grants", name), text)
+
+
+def _check_transforms(transforms: Mapping[int, StaticTransform]) -> Iterator[Problem]:
+    """A frame has one place."""
+    seen: dict[str, int] = {}
+    for i, entry in transforms.items():
+        if (first := seen.setdefault(names.strip_slash(entry.child), i)) != i:
+            text = f"static_transforms[{first}] says where {entry.child} is; keep one of them"
+            yield Problem(("static_transforms", i, "child"), text)
