@@ -171,7 +171,7 @@ ALONE = (
     _usage("zteam up --robots 4", "no option '--robots'"),
     _usage("zteam up chain --followers=1-3", "no option '--followers'", "has no dashes: followers=1-3"),
     _refused("zteam up line arena", "'arena' is not NAME=VALUE, such as leader=2"),
-    _usage("zteam up speed=0.3", "name the team before its arguments", "zteam up line speed=0.3"),
+    _refused("zteam up speed=0.3", "team 'speed=0.3': No such file"),
     _refused("zteam up chain sped=0.3", "no argument sped", "did you mean speed?", "it takes speed, followers"),
     _refused("zteam up chain speed=fast", "chain.toml:19: robots[0].speed:", 'a number is expected, not "fast"'),
     _usage("zteam up --for abc", "--for", "'abc'", "simulated seconds"),

@@ -36,9 +36,8 @@ _TELL_AFTER = 2.0
 def build_parser() -> Parser:
     parser = Parser(prog="zteam goto", description=__doc__)
     parser.add_argument("robot", metavar="ID", help="robot id")
-    parser.add_argument(
-        "pose", nargs="*", default=[], metavar="X Y [YAW]", help="in map: metres, metres, radians (default: 0)"
-    )
+    text = "in map: metres, metres, radians (default: 0)"
+    parser.add_argument("pose", nargs="*", default=[], metavar="X Y [YAW]", help=text)
     parser.add_argument("--cancel", action="store_true", help="give the robot's goal up instead: it stops")
     parser.add_argument("--no-wait", action="store_true", help="end with 0 once the goal is sent")
     text = "cancel the goal if it is not reached within so many host seconds"

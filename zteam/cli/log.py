@@ -69,14 +69,6 @@ def format_json(line: LogLine) -> bytes:
     return msgspec.json.encode({**msgspec.structs.asdict(line), "level": level_name(line.level)})
 
 
-def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
-    """Raise ZteamError if a name is not one of a living process; a pattern with `*` may match none."""
-    unknown = [name for name in patterns if not is_wildcard(name) and name not in alive]
-    if unknown:
-        living = f"alive: {', '.join(sorted(set(alive)))}" if alive else "none is alive (start a team with 'zteam up')"
-        raise ZteamError(f"no process {', '.join(unknown)}; {living}")
-
-
 def _log(args: argparse.Namespace) -> None:
     waiter = Waiter()
     with open_bus(args) as bus:
@@ -99,7 +91,9 @@ def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
     if not silent:
         return True
     alive = sorted({node.name for node in find_nodes(bus)})
-    check_names(silent, alive)
+    if unknown := [pattern for pattern in silent if not is_wildcard(pattern) and pattern not in alive]:
+        living = f"alive: {', '.join(alive)}" if alive else "none is alive (start a team with 'zteam up')"
+        raise ZteamError(f"no process {', '.join(unknown)}; {living}")
     return bool(answered) or any(_matches(pattern, name) for pattern in silent for name in alive)
 
 

@@ -28,9 +28,8 @@ def build_parser() -> Parser:
     text = "trinary keeps free, occupied and unknown; scale and raw keep each value"
     add_option(save, "--mode", choices=get_args(Mode), default="trinary", help=text)
     save.add_argument("--fmt", choices=("pgm", "png"), help="of the picture (default: pgm; png in mode scale)")
-    save.add_argument(
-        "--topic", default=names.MAP, metavar="KEY", help="save this grid, such as robot_1/global_costmap/costmap"
-    )
+    text = "save this grid, such as robot_1/global_costmap/costmap"
+    save.add_argument("--topic", default=names.MAP, metavar="KEY", help=text)
     text = "give up without a map (default: wait)"
     add_option(save, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
     save.set_defaults(once=False)

@@ -318,7 +318,7 @@ def run_tool(
     read: Callable[[argparse.Namespace], None] | None = None,
     needs_output: bool = True,
 ) -> int:
-    """Be a tool, which is called `name`, by default as its parser; its exit code.
+    """Be a tool, which is called `name`, by default as the option `process` says or as its parser; its exit code.
 
     Without a `body` it carries out a subcommand. None as its result is exit code 0. Before it runs, `read` replaces
     words of the command line by what they say; a UsageError of it ends with 2, on one line with the usage.
@@ -327,7 +327,12 @@ def run_tool(
     args = parser.parse_args(argv)
     if read is not None:
         checked(args, lambda: read(args))
-    return run(name or parser.prog, args, lambda: (body or args.act)(args) or 0, needs_output=needs_output)
+    return run(
+        name or getattr(args, "process", parser.prog),
+        args,
+        lambda: (body or args.act)(args) or 0,
+        needs_output=needs_output,
+    )
 
 
 def fail(name: str, error: ZteamError) -> int:

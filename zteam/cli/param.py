@@ -39,9 +39,8 @@ def build_parser() -> Parser:
     get.add_argument("parameter", metavar="PARAM")
     change = verb("set", _set, "set parameters from the robot's next step on: all of them, or none if one is refused")
     change.add_argument("robots", metavar="NAME", help=_ROBOTS)
-    change.add_argument(
-        "pairs", nargs="+", metavar="PARAM VALUE", help="the value as in a team file: 0.4, true, text, [1, 2]"
-    )
+    text = "the value as in a team file: 0.4, true, text, [1, 2]"
+    change.add_argument("pairs", nargs="+", metavar="PARAM VALUE", help=text)
     dump = verb("dump", _dump, "print the parameters as TOML, for the robot's table in a team file")
     dump.add_argument("robots", metavar="NAME", help="one robot: robot_0 or 0")
     return parser
@@ -109,19 +108,15 @@ def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) ->
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
     lines = [_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}" for name, value in found.items()]
     print_json(found) if args.json else print_line(*lines)
-    _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
+    if lacking := [_lack(name, reply, args.parameter) for name, reply in robots.items() if name not in found]:
+        # The other robots have been served.
+        raise UsageError("\n".join(lacking))
     return 0
 
 
 def _lack(robot: str, reply: DescribeReply, parameter: str) -> str:
     takes = ", ".join(reply.values) or "no parameters"
     return f"{robot}: no parameter {parameter!r}{did_you_mean(parameter, reply.values)}; {reply.behavior} takes {takes}"
-
-
-def _raise_all(refused: Sequence[str]) -> None:
-    """Raise UsageError if anything was refused: the other robots have been served."""
-    if refused:
-        raise UsageError("\n".join(refused))
 
 
 def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> int:
@@ -136,7 +131,8 @@ def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> 
             done[robot] = {name: now[name] for name in args.values}
     lines = [f"{robot}: {', '.join(_assignments(now))}" for robot, now in done.items()]
     print_json(done) if args.json else print_line(*lines)
-    _raise_all(refused)
+    if refused:
+        raise UsageError("\n".join(refused))
     return 0
 
 

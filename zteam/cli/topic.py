@@ -249,17 +249,7 @@ def _info(args: argparse.Namespace) -> None:
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
         heard = named.name_sessions(row.sources, row.key)
-        info = {
-            "key": row.key,
-            "type": row.type,
-            "rate": round(row.rate, 2),
-            "latched": row.latched,
-            "bytes": row.bytes,
-            "writers": heard,
-            "receivers": stats,
-            "publishers": row.publishers,
-            "subscribers": row.subscribers,
-        }
+        info = {**msgspec.structs.asdict(row), "writers": heard, "receivers": stats}
         print_json(info) if args.json else print_block(_format_info(row, heard, stats))
 
 

@@ -53,6 +53,16 @@ _SWITCHES = {
     "--no-browser": "with --view: print the page's address only",
     "--lockstep": "wait for every process in each tick: equal seeds give equal runs",
 }
+_WORDS = {
+    "--world": ("FILE", "use this world file or shipped world (default: the team file's)"),
+    "--report": ("FILE", "write the run's report as JSON; needs --for or --until"),
+    "--listen": (
+        "ENDPOINT",
+        f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or if that is taken any port)",
+    ),
+    "--only": ("NAME", "be this process of the team alone, such as robot_1; needs --connect"),
+}
+"""By option: what it takes, and the help."""
 _NEEDS = {
     "--expect": ("--lockstep",),
     "--report": ("--for", "--until"),
@@ -71,77 +81,40 @@ _EXCLUDES = {
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam up", description=__doc__, epilog="docs/team-files.md has every key of a team file.")
-    _add_team_arguments(parser)
-    parser.add_argument(
-        "--world", metavar="FILE", help="use this world file or shipped world (default: the team file's)"
-    )
-    add_options(
-        parser,
-        SimOptions,
-        "speed",
-        seed="use this seed (default: the team file's)",
-        run_for="end this many simulated seconds after GO",
-        until="end before this tick of the simulator",
-    )
+    shipped = ", ".join(names(teams_folder(), ".toml"))
+    text = f"a team file, or the name of a shipped one: {shipped} (default: %(default)s)"
+    parser.add_argument("team", nargs="?", default="line", help=text)
+    parser.takes_assignments = True
+    text = "arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)"
+    parser.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help=text)
+    for flag, (metavar, text) in _WORDS.items():
+        parser.add_argument(flag, metavar=metavar, help=text)
+    texts = {
+        "seed": "use this seed (default: the team file's)",
+        "run_for": "end this many simulated seconds after GO",
+        "until": "end before this tick of the simulator",
+    }
+    add_options(parser, SimOptions, "speed", **texts)
     parser.set_defaults(seed=None)
-    parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for or --until")
-    parser.add_argument(
-        "--secure",
-        nargs="?",
-        type=Path,
-        const=Path("certs"),
-        metavar="FOLDER",
-        help="give each process a certificate of this folder, by default certs, and let nothing else in "
-        "(docs/security.md)",
+    text = (
+        "give each process a certificate of this folder, by default certs, and let nothing else in (docs/security.md)"
     )
+    parser.add_argument("--secure", nargs="?", type=Path, const=Path("certs"), metavar="FOLDER", help=text)
     for flag, text in _SWITCHES.items():
         parser.add_argument(flag, action="store_true", help=text)
-    parser.add_argument(
-        "--chaos",
-        nargs="?",
-        const="",
-        metavar="PLAN|SEED",
-        help="give each process a link of its own for 'zteam chaos', and carry out a plan of faults",
-    )
-    parser.add_argument(
-        "--listen",
-        metavar="ENDPOINT",
-        help=f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or where that is taken any port)",
-    )
-    parser.add_argument(
-        "--only", metavar="NAME", help="be this process of the team alone, such as robot_1; needs --connect"
-    )
+    text = "give each process a link of its own for 'zteam chaos', and carry out a plan of faults"
+    parser.add_argument("--chaos", nargs="?", const="", metavar="PLAN|SEED", help=text)
     add_go_timeout_option(parser)
-    add_options(
-        parser,
-        LockStepOptions,
-        timeout="stop waiting for a live process that does not answer for so long",
-        expected="wait for these nodes of your own before the first tick; needs --lockstep",
-    )
+    texts = {
+        "timeout": "stop waiting for a live process that does not answer for so long",
+        "expected": "wait for these nodes of your own before the first tick; needs --lockstep",
+    }
+    add_options(parser, LockStepOptions, **texts)
     add_bus_options(parser)
     return parser
 
 
-def _add_team_arguments(parser: Parser) -> None:
-    shipped = ", ".join(names(teams_folder(), ".toml"))
-    parser.add_argument(
-        "team",
-        nargs="?",
-        default="line",
-        help=f"a team file, or the name of a shipped one: {shipped} (default: %(default)s)",
-    )
-    parser.takes_assignments = True
-    parser.add_argument(
-        "arguments",
-        nargs="*",
-        metavar="NAME=VALUE",
-        help="arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)",
-    )
-
-
 def _check_options(args: argparse.Namespace) -> None:
-    if "=" in args.team and not Path(args.team).exists():
-        raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
     if args.speed is not None:
         parse_speed(args.speed)
     check_together(args, _NEEDS, _EXCLUDES)
@@ -158,9 +131,7 @@ def _check_options(args: argparse.Namespace) -> None:
         args.bus = args.view
     asks_to_connect = (args.connect or "") != os.environ.get("ZTEAM_CONNECT", "")
     if args.in_process and not args.bus and (args.expected or asks_to_connect):
-        raise UsageError(
-            "--expect and --connect need processes, or --bus: no process can join a team with --in-process"
-        )
+        raise UsageError("--expect and --connect need processes, or --bus: none can join a team with --in-process")
 
 
 def _up(args: argparse.Namespace) -> int:

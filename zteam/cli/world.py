@@ -61,30 +61,31 @@ def _check(args: argparse.Namespace, world: World) -> None:
     print_line(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
-        print_line(f"  floor plan {plan['name']:18} {columns} x {rows} cells, {w:g} x {h:g} m")
+        _print_row("floor plan", plan["name"], f"{columns} x {rows} cells, {w:g} x {h:g} m")
     for obstacle in summary["obstacles"]:
-        x, y, yaw = obstacle["pose"]
-        kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
-        print_line(f"  {kind} {obstacle['name']:18} at {_place(x, y, yaw)}, {counted(obstacle['shapes'], 'shape')}")
+        kind = "obstacle" if obstacle["mass"] is None else "pushable"
+        _print_row(kind, obstacle["name"], f"at {_place(obstacle)}, {counted(obstacle['shapes'], 'shape')}")
     for robot in summary["robots"]:
-        x, y, yaw = robot["pose"]
-        lasers = ", ".join(robot["sensors"]) or "no sensors"
-        print_line(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
-              f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
+        sensors = ", ".join(robot["sensors"]) or "no sensors"
+        text = f"at {_place(robot)}: {robot['model']}, {robot['drive']}, {sensors}"
+        _print_row(f"robot {robot['id']}", robot["name"], text)
     for base in summary["bases"]:
-        print_line(f"  base       {base['model']:18} {_footprint_text(base)}")
+        _print_row("base", base["model"], _footprint_text(base))
         if limits := _limits_text(base):
-            print_line(f"{'':32}{limits}")
+            _print_row("", "", limits)
     warnings = summary["warnings"]
     print_line(*warnings)
-    counts = [
-        counted(len(things), noun)
-        for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
-    ]
-    print_line(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
+    nouns = {"robot": world.robots, "obstacle": world.obstacles, "floor plan": world.floorplans}
+    counts = ", ".join(counted(len(things), noun) for noun, things in nouns.items())
+    print_line(f"{counts}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
 
 
-def _place(x: float, y: float, yaw_deg: float) -> str:
+def _print_row(kind: str, name: str, text: str) -> None:
+    print_line(f"  {kind:10} {name:18} {text}")
+
+
+def _place(thing: dict[str, Any]) -> str:
+    x, y, yaw_deg = thing["pose"]
     return f"{x:z.3f} {y:z.3f}, {yaw_deg:z.1f}°"
 
 

@@ -4,9 +4,12 @@ import json
 
 import pytest
 
+from support.commands import Run
+from support.named_sessions import open_named
+from zteam.bus import MemoryHub
 from zteam.cli import log
 from zteam.clock import local_time_text
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError
 from zteam.node.logs import LogLine
 
 LINE = LogLine(1_700_000_000_042_000_000, "robot_1", 30, "no way\nat all", "plan.py", "step", 7)
@@ -62,10 +65,12 @@ def test_json_has_the_fields_of_json_logs() -> None:
     }
 
 
-def test_an_unknown_name_is_answered_with_the_living_ones() -> None:
+def test_an_unknown_name_is_answered_with_the_living_ones(tools: MemoryHub, run: Run) -> None:
     """A name that no living process has is one line; a living one and a pattern are not refused."""
-    log.check_names(["sim", "robot_$*"], ["sim"])
-    with pytest.raises(ZteamError, match=r"^no process robto_1, x; alive: robot_1, sim$"):
-        log.check_names(["robto_1", "sim", "x"], ["sim", "robot_1"])
-    with pytest.raises(ZteamError, match=r"none is alive \(start a team with 'zteam up'\)"):
-        log.check_names(["sim"], [])
+    told = "zteam log: no process robto_1, x; {}\n"
+    none = "none is alive (start a team with 'zteam up')"
+    assert run("zteam log robto_1 x --once", 1).err == told.format(none)
+    for name in ("sim", "robot_1"):
+        open_named(tools, name)
+    assert run("zteam log robto_1 sim x 'y*' --once", 1).err == told.format("alive: robot_1, sim")
+    run("zteam log sim 'y*' --once")

@@ -16,7 +16,7 @@ from zteam.config.problems import Problem, problems_of
 from zteam.config.robot_ids import circle_from, format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
-from zteam.errors import ConfigError, did_you_mean
+from zteam.errors import ConfigError, UsageError
 from zteam.team.file.entries import (
     GRANTS,
     NO_WORLD,
@@ -101,13 +101,11 @@ def team_world(file: TeamFile) -> Path | None:
         )
     if world == NO_WORLD:
         return None
-    found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
-    if found is None:
-        known = resources.names(resources.worlds_folder(), ".world")
-        shipped = f"a shipped world ({', '.join(known)}){did_you_mean(world, known)}"
-        text = f"{world!r} is neither a file beside the team file nor {shipped}"
-        raise file.error([Problem(("team", "world"), text)])
-    return found
+    beside = file.path.parent / world
+    try:
+        return resources.existing_file(beside) or resources.shipped_world(world) or resources.find_world(beside)
+    except UsageError as error:
+        raise file.error([Problem(("team", "world"), str(error))]) from None
 
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
