@@ -42,9 +42,8 @@ _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "g
 
 
 def build_parser() -> Parser:
-    parser = Parser(
-        prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="zteam goals", description=__doc__, epilog=_EPILOG)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("file", nargs="?", metavar="FILE", help="the goals")
     text = "begin again with the first goal when the last has ended, until Ctrl+C"

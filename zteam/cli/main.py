@@ -37,14 +37,6 @@ PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf
 """The commands of the processes of a team."""
 
 
-def _usage() -> str:
-    rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
-    return (
-        f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n"
-        f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}"
-    )
-
-
 def start_command(name: str) -> NoReturn:
     """Run `zteam` or the command of a process, including its imports, and end the process with its exit code."""
     try:
@@ -100,7 +92,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line that follows `zteam`."""
     arguments = sys.argv[1:] if argv is None else argv
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
-        print_block(_usage())
+        rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
+        print_block(f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}")
+        print_line(f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}")
         return 0 if arguments else 2
     if arguments[0] == "--version":
         from zteam import __version__

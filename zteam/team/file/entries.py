@@ -69,7 +69,13 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if text := turn_problem(self.pose.yaw):
                 raise KeyValueError("pose", f"yaw {text}")
         for key, value in self.params.items():
-            _check_param(key, value)
+            if not key.isidentifier():
+                raise KeyValueError(key, "cannot be a parameter; use letters, digits and '_'")
+            try:
+                toml_text(value)
+            except TypeError:
+                text = "a parameter is a number, text, true, false, or an array or table of such"
+                raise KeyValueError(key, text) from None
         self._check_follow()
 
     def _check_follow(self) -> None:
@@ -81,16 +87,6 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise KeyValueError("follow", f"both follow and behavior = {toml_text(self.behavior)}; keep one of them")
         if self.follow == self.id:
             raise KeyValueError("follow", f"robot {self.id} cannot follow itself; name another robot")
-
-
-def _check_param(key: str, value: Any) -> None:
-    if not key.isidentifier():
-        raise KeyValueError(key, "cannot be a parameter; use letters, digits and '_'")
-    try:
-        toml_text(value)
-    except TypeError:
-        text = "a parameter is a number, text, true, false, or an array or table of such"
-        raise KeyValueError(key, text) from None
 
 
 class NodeEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
