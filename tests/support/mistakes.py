@@ -200,8 +200,14 @@ ALONE = (
     _team("zteam up team.toml", _TEAM.replace("[[robots", "[[robot"), "team.toml:3: robot:", "did you mean robots?"),
     _team("zteam up team.toml", "", "the key robots is missing", "team: the key world is missing", lines=2),
     _robot('behaviour = "wander"', "team.toml:5: robots[0].behaviour: unknown key", "did you mean behavior?"),
-    _robot('behavior = "wandr"', "team.toml:5: robots[0].behavior: no behaviour 'wandr'", "did you mean wander?"),
-    _robot('behavior = "mine:Robot"', "team.toml:5:", "No module named 'mine'", "beside the team file"),
+    # One process imports what both name.
+    _team(
+        "zteam up team.toml",
+        f'{_TEAM}behavior = "wandr"\n[[robots]]\nid = 1\nbehavior = "mine:Robot"\n',
+        *("team.toml:5: robots[0].behavior: no behaviour 'wandr'", "did you mean wander?"),
+        *("team.toml:8: robots[1].behavior:", "No module named 'mine'", "beside the team file"),
+        lines=2,
+    ),
     _robot('behavior = "follow"', "team.toml:5:", "say follow = ID"),
     _robot("sped = 0.2", "team.toml:5: robots[0].sped: unknown key", "did you mean speed?"),
     _robot('speed = "fast"', "team.toml:5: robots[0].speed:", 'a number is expected, not "fast"'),

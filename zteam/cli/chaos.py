@@ -46,12 +46,6 @@ def _read(args: argparse.Namespace) -> None:
     check_together(args, {"--random": ("--for",), "--print": ("--random",)}, {"--plan": ("--for",)})
 
 
-def _one_fault(args: argparse.Namespace) -> Fault:
-    delay = args.delay if args.delay is not None else 0.5 if args.rate is None else 0.0
-    seconds = 3.0 if args.seconds is None else args.seconds
-    return Fault(at=0.0, fault=args.fault, name=args.name, seconds=seconds, delay=delay, rate=args.rate)
-
-
 def _work(args: argparse.Namespace) -> int:
     from zteam.monitor.observer import TeamObserver
     from zteam.simulator.client import find_status
@@ -63,7 +57,10 @@ def _work(args: argparse.Namespace) -> int:
         status = find_status(bus)
         lockstep = status is not None and status.lockstep
         if args.fault is not None:
-            plan: tuple[Fault, ...] = (_one_fault(args),)
+            delay = args.delay if args.delay is not None else 0.5 if args.rate is None else 0.0
+            seconds = 3.0 if args.seconds is None else args.seconds
+            fault = Fault(at=0.0, fault=args.fault, name=args.name, seconds=seconds, delay=delay, rate=args.rate)
+            plan: tuple[Fault, ...] = (fault,)
         else:
             plan = choose_plan(args.plan or args.random, args.seconds, _processes(bus), lockstep=lockstep)
         if args.random is not None:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import get_args
 
 from zteam import names
-from zteam.bus import Bus
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
@@ -47,25 +46,21 @@ def _save(args: argparse.Namespace) -> None:
     key, path = check_key(args.topic), Path(args.file)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
-    with open_bus(args) as bus:
-        grid = map_grid(_wait_for_map(bus, key, args))
-    if args.mode == "trinary":
-        grid = to_three_values(grid, args.free, args.occupied)
-    written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
-    frame = grid.frame
-    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
-
-
-def _wait_for_map(bus: Bus, key: str, args: argparse.Namespace) -> OccupancyGrid:
     waiter, found = Waiter(), list[OccupancyGrid]()
 
     def take(_key: str, message: OccupancyGrid) -> None:
         found.append(message)
         waiter.notify()
 
-    bus.subscribe(key, OccupancyGrid, take, latched=True)
-    wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
-    return found[-1]
+    with open_bus(args) as bus:
+        bus.subscribe(key, OccupancyGrid, take, latched=True)
+        wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
+    grid = map_grid(found[-1])
+    if args.mode == "trinary":
+        grid = to_three_values(grid, args.free, args.occupied)
+    written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
+    frame = grid.frame
+    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
 
 
 main = partial(run_tool, build_parser, None, read=_read)

@@ -91,7 +91,11 @@ def _order(name: str) -> tuple[int, str]:
 
 def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     if args.json:
-        print_json([{"name": name, **_fields(reply)} for name, reply in robots.items()])
+        for_json = []
+        for name, reply in robots.items():
+            rows = [{**msgspec.structs.asdict(each), "value": reply.values.get(each.name)} for each in reply.parameters]
+            for_json.append({"name": name, "behavior": reply.behavior, "parameters": rows})
+        print_json(for_json)
         return 0
     for name, reply in robots.items():
         print_line(f"{name}: {reply.behavior}")
@@ -99,24 +103,19 @@ def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
     return 0
 
 
-def _fields(reply: DescribeReply) -> dict[str, Any]:
-    rows = [{**msgspec.structs.asdict(each), "value": reply.values.get(each.name)} for each in reply.parameters]
-    return {"behavior": reply.behavior, "parameters": rows}
-
-
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
     lines = [_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}" for name, value in found.items()]
     print_json(found) if args.json else print_line(*lines)
-    if lacking := [_lack(name, reply, args.parameter) for name, reply in robots.items() if name not in found]:
+    lacking = []
+    for name, reply in robots.items():
+        if name not in found:
+            hint, takes = did_you_mean(args.parameter, reply.values), ", ".join(reply.values) or "no parameters"
+            lacking.append(f"{name}: no parameter {args.parameter!r}{hint}; {reply.behavior} takes {takes}")
+    if lacking:
         # The other robots have been served.
         raise UsageError("\n".join(lacking))
     return 0
-
-
-def _lack(robot: str, reply: DescribeReply, parameter: str) -> str:
-    takes = ", ".join(reply.values) or "no parameters"
-    return f"{robot}: no parameter {parameter!r}{did_you_mean(parameter, reply.values)}; {reply.behavior} takes {takes}"
 
 
 def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> int:

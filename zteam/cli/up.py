@@ -136,7 +136,13 @@ def _check_options(args: argparse.Namespace) -> None:
 
 def _up(args: argparse.Namespace) -> int:
     if args.help_args:
-        _print_arguments(args)
+        from zteam.cli.tables import format_table
+        from zteam.team.file.reading import read_team_file
+        from zteam.team.file.sources import describe_arguments
+
+        rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
+        header = ("argument", "default", "read at")
+        print_block(format_table(header, rows) if rows else f"{args.team} takes no arguments")
         return 0
     if args.compose:
         from zteam.team.launch.apart import compose_file
@@ -159,15 +165,6 @@ def _up(args: argparse.Namespace) -> int:
         # It imports while the team is checked.
         parent.prepare()
         return _run(_launch(args), bus_options(args), args, parent)
-
-
-def _print_arguments(args: argparse.Namespace) -> None:
-    from zteam.cli.tables import format_table
-    from zteam.team.file.reading import read_team_file
-    from zteam.team.file.sources import describe_arguments
-
-    rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
-    print_block(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
 
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
@@ -221,7 +218,9 @@ def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, pare
             from zteam.team.run.threads import Threads, open_outside
 
             outside = stack.enter_context(open_outside(bus, launch.pace)) if args.bus else None
-            _give_terminal_to_debugger(display)
+            # From the first `breakpoint()` on a debugger has the terminal. A hook of `breakpoint` itself would show up
+            # in its stack.
+            sys.addaudithook(lambda event, _: display.leave_terminal() if event == "builtins.breakpoint" else None)
             stack.enter_context(passing_lines(display.line))
             # After a second request nothing waits.
             stack.callback(stop.install(on_repeat=lambda: os._exit(INTERRUPTED)))
@@ -255,16 +254,6 @@ def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, pare
                 raise
             return 0
     return _conclude(team_run, report, stop, args.report, hangs.values())
-
-
-def _give_terminal_to_debugger(display: "RunDisplay") -> None:
-    """Draw no live line from the first `breakpoint()` on. A hook of `breakpoint` itself would show up in its stack."""
-
-    def hear(event: str, _arguments: object) -> None:
-        if event == "builtins.breakpoint":
-            display.leave_terminal()
-
-    sys.addaudithook(hear)
 
 
 def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, what: str) -> "RunReport | None":

@@ -17,7 +17,7 @@ from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.node.output import print_json, print_line
-from zteam.simulator.world import Ranger, Robot, World, load_world
+from zteam.simulator.world import Robot, World, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
 from zteam.simulator.world.placing import find_misplaced
@@ -203,8 +203,18 @@ def _scan(args: argparse.Namespace, world: World) -> None:
         robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
     robots[args.robot] = robot
     seen = Engine(world, robots=robots).observe().robots[args.robot]
-    pairs = zip(seen.robot.rangers, seen.readings, strict=True)
-    lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
+    lasers = [
+        {
+            "name": ranger.name,
+            "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,
+            "angle_increment": ranger.angle_increment,
+            "range_min": ranger.range_min,
+            "range_max": ranger.range_max,
+            "ranges": reading.ranges.tolist(),
+            "intensities": reading.intensities.tolist(),
+        }
+        for ranger, reading in zip(seen.robot.rangers, seen.readings, strict=True)
+    ]
     if args.json:
         print_json({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers})
         return
@@ -215,16 +225,6 @@ def _scan(args: argparse.Namespace, world: World) -> None:
             f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
             f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}"
         )
-
-
-def _laser(ranger: Ranger) -> dict[str, Any]:
-    return {
-        "name": ranger.name,
-        "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,
-        "angle_increment": ranger.angle_increment,
-        "range_min": ranger.range_min,
-        "range_max": ranger.range_max,
-    }
 
 
 main = partial(run_tool, build_parser, _run)

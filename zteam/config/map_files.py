@@ -129,14 +129,6 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key."""
-    fields = _read_fields(path)
-    # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
-    for problem in problems_of(fields, MapFile, strict=False):
-        raise WorldError(f"{path}: {problem}")
-    return msgspec.convert(fields, MapFile, strict=False)
-
-
-def _read_fields(path: Path) -> dict[str, Any]:
     import yaml  # few maps need it, and it is slow to import
 
     try:
@@ -146,4 +138,7 @@ def _read_fields(path: Path) -> dict[str, Any]:
         raise WorldError(f"{path}: not a map_server YAML file: {reason:.200}") from None
     if not isinstance(fields, dict):
         raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
-    return fields
+    # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
+    for problem in problems_of(fields, MapFile, strict=False):
+        raise WorldError(f"{path}: {problem}")
+    return msgspec.convert(fields, MapFile, strict=False)

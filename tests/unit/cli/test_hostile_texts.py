@@ -95,7 +95,7 @@ def test_no_text_of_a_team_reaches_the_terminal_as_it_is(
             json.loads(line)
 
 
-@examples(300)
+@examples(100)
 @given(st.lists(texts))
 def test_a_line_is_one_line(lines: list[str]) -> None:
     """Whatever is printed; what is ready for the terminal comes as it is."""
@@ -109,7 +109,7 @@ def test_a_line_is_one_line(lines: list[str]) -> None:
     assert out.getvalue() == f"{ready}\n"
 
 
-@examples(300)
+@examples(100)
 @given(st.recursive(texts, lambda inner: st.lists(inner) | st.dictionaries(texts, inner)))
 def test_json_is_the_same_value_in_harmless_characters(value: object) -> None:
     """Scripts get what was sent, in one line."""

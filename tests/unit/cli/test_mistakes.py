@@ -12,6 +12,7 @@ from support.mistakes import ALONE, Mistake
 from zteam import cli
 from zteam.cli import listening
 from zteam.cli.main import COMMANDS, PROCESSES, main
+from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.team_run import TeamRun
 
 MODULES = sorted({module for module, _ in COMMANDS.values()} | set(PROCESSES))
@@ -23,6 +24,7 @@ BAD = ("nan", "inf", "-inf", "1e308", "-1e308", "word", "", "1e-300x", "9" * 500
 def nothing_runs(empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The user stands in an empty folder, and no process may be started."""
     monkeypatch.setattr(listening, "PATIENCE", 0.0)
+    monkeypatch.setattr(WarmParent, "prepare", lambda _parent: None)
     monkeypatch.setattr(TeamRun, "start", lambda _run: pytest.fail("a process was started"))
     for name in ("CONNECT", "NAMESPACE"):
         monkeypatch.delenv(f"ZTEAM_{name}", raising=False)
