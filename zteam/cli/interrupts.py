@@ -16,7 +16,8 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
 
 def _on_interrupt(handler: Any) -> None:
     """Set what Ctrl+C does, unless it is ignored or has a handler of someone else."""
-    if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
+    before = signal.getsignal(signal.SIGINT)
+    if before in (_leave, signal.default_int_handler) and before is not handler:
         signal.signal(signal.SIGINT, handler)
 
 
