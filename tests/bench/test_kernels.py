@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zteam.cli.bench_team import place_robots
+from zteam.cli.bench import place_robots
 from zteam.config.resources import find_world
 from zteam.kernels.simulator import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.simulator.core.casting import group_shapes, make_polygons, prepare_plans

@@ -96,5 +96,5 @@ def test_included_files_merge_in_order(
     told = [mistake.text for mistake in file.mistakes if mistake.place.path[-1:] == ("id",)]
     assert [text.split()[1] for text in told] == [str(robot_id) for robot_id in repeated]
     assert all(
-        str(file.locate([Problem(("robots", at), "")])[0]).startswith(str(folder)) for at in range(len(in_order))
+        str(file.table.locate([Problem(("robots", at), "")])[0]).startswith(str(folder)) for at in range(len(in_order))
     )

@@ -97,9 +97,9 @@ def test_a_process_that_waits_says_for_what(team: TeamFixture) -> None:
 
 def test_a_team_that_cannot_be_started_is_answered(team: TeamFixture) -> None:
     """A world, a team file and robots that are not there are named."""
-    with pytest.raises(UsageError, match=r"world 'nowhere': no such file, nor a shipped world \(arena, "):
+    with pytest.raises(UsageError, match=r"world 'nowhere': No such file or directory, nor a shipped world \(arena, "):
         team.start("nowhere")
-    with pytest.raises(UsageError, match=r"team 'missing.toml': no such file, nor a shipped team"):
+    with pytest.raises(UsageError, match=r"team 'missing.toml': No such file or directory, nor a shipped team"):
         team.launch("missing.toml")
     with pytest.raises(UsageError, match=r"robots\[3\]\.id: the world has no robot 3 \(it has 0, 1\)"):
         team.start("arena", robots=4, behavior="forward")

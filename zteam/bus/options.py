@@ -14,7 +14,7 @@ import zenoh
 
 from zteam.bus.transport import MAX_PAYLOAD, first_line
 from zteam.clock import HOST_FACTOR, PATIENCE_BOUNDS
-from zteam.config.numbers import parse_number, parse_whole
+from zteam.config.numbers import parse_number
 from zteam.errors import UsageError, printable
 from zteam.names import KEYS_WITHOUT_MAPS, service_key
 from zteam.version import __version__
@@ -216,7 +216,7 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     if protocol in _WITH_PORT:
         _, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
         try:
-            parse_whole(port if colon else "", 0, 65535, "a port")
+            parse_number(port if colon else "", 0, 65535, "a port")
         except UsageError as error:
             raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
     if tls is not None and protocol != "tls":

@@ -35,23 +35,19 @@ def build_parser() -> Parser:
 
 
 def _show(args: argparse.Namespace) -> None:
+    """Show one behaviour, or list all; one that cannot be imported is an error, after the others."""
     look_in(folders_of(args))
-    if args.name is None:
-        _list(as_json=args.json)
+    if args.name is not None:
+        info = describe_behavior(args.name)
+        print_json(info) if args.json else print_block(format_behavior(info))
         return
-    info = describe_behavior(args.name)
-    print_json(info) if args.json else print_block(format_behavior(info))
-
-
-def _list(*, as_json: bool) -> None:
-    """List all behaviours; one that cannot be imported is an error, after the others."""
     found, broken = [], []
     for name in behavior_names():
         try:
             found.append(describe_behavior(name))
         except UsageError as error:
             broken.append(str(error))
-    if as_json:
+    if args.json:
         print_json(found)
     else:
         rows = [(info.name, info.summary) for info in found]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_option, check_together, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
@@ -43,18 +43,7 @@ def _read(args: argparse.Namespace) -> None:
         raise UsageError(f"{args.fault}: say {', '.join(KINDS)} and a process, as in 'zteam chaos pause robot_1'")
     if args.fault != "slow" and (args.delay is not None or args.rate is not None):
         raise UsageError("--delay and --rate belong to slow")
-    if args.plan is not None and args.seconds is not None:
-        raise UsageError("--for: a plan says itself how long its faults last")
-    if args.random is not None and args.seconds is None:
-        raise UsageError("--random needs --for SECONDS")
-    if args.print and args.random is None:
-        raise UsageError("--print needs --random")
-
-
-def _one_fault(args: argparse.Namespace) -> Fault:
-    delay = args.delay if args.delay is not None else 0.5 if args.rate is None else 0.0
-    seconds = 3.0 if args.seconds is None else args.seconds
-    return Fault(at=0.0, fault=args.fault, name=args.name, seconds=seconds, delay=delay, rate=args.rate)
+    check_together(args, {"--random": ("--for",), "--print": ("--random",)}, {"--plan": ("--for",)})
 
 
 def _work(args: argparse.Namespace) -> int:
@@ -68,7 +57,10 @@ def _work(args: argparse.Namespace) -> int:
         status = find_status(bus)
         lockstep = status is not None and status.lockstep
         if args.fault is not None:
-            plan: tuple[Fault, ...] = (_one_fault(args),)
+            delay = args.delay if args.delay is not None else 0.5 if args.rate is None else 0.0
+            seconds = 3.0 if args.seconds is None else args.seconds
+            fault = Fault(at=0.0, fault=args.fault, name=args.name, seconds=seconds, delay=delay, rate=args.rate)
+            plan: tuple[Fault, ...] = (fault,)
         else:
             plan = choose_plan(args.plan or args.random, args.seconds, _processes(bus), lockstep=lockstep)
         if args.random is not None:

@@ -31,19 +31,16 @@ def build_parser() -> Parser:
 
 def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
-    map_file = None if args.map is None else (args.map, _read_map(Path(args.map)))
+    map_file = None
+    if args.map is not None:
+        found = read_floor_map(Path(args.map))
+        rows, columns = found.occupied.shape
+        map_file = args.map, MapInfo(*found.map_from_corner, found.resolution, columns, rows)
     raise_from_now()
     findings = examine(options, map_file)
     text = format_findings(findings, has_color(sys.stdout), terminal_width())
     print_json(findings) if args.json else print_block(text)
     return 0 if all(finding.good for finding in findings) else 1
-
-
-def _read_map(path: Path) -> MapInfo:
-    found = read_floor_map(path)
-    rows, columns = found.occupied.shape
-    x, y, yaw = found.map_from_corner
-    return MapInfo(x, y, yaw, found.resolution, columns, rows)
 
 
 def format_findings(findings: Sequence[Finding], color: bool = False, columns: int | None = None) -> str:

@@ -4,18 +4,18 @@
 """
 
 import argparse
-import math
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
+from zteam.cli.goto import goal_facts, left_of, result_text, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
@@ -42,36 +42,24 @@ _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "g
 
 
 def build_parser() -> Parser:
-    parser = Parser(
-        prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="zteam goals", description=__doc__, epilog=_EPILOG)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("file", nargs="?", metavar="FILE", help="the goals")
-    parser.add_argument(
-        "--loop", action="store_true", help="begin again with the first goal when the last has ended, until Ctrl+C"
-    )
+    text = "begin again with the first goal when the last has ended, until Ctrl+C"
+    parser.add_argument("--loop", action="store_true", help=text)
     text = "drive to all goals so many times"
     add_option(parser, "--rounds", typed=(1, 10**9, "rounds"), default=1, metavar="N", help=text)
-    parser.add_argument(
-        "--spread",
-        metavar="IDS",
-        help="these robots share the goals that name no robot: each free one takes the next, e.g. 0-3 or 0,2",
-    )
+    text = "these robots share the goals that name no robot: each free one takes the next, e.g. 0-3 or 0,2"
+    parser.add_argument("--spread", metavar="IDS", help=text)
     for option, text in (("--pause", "send these robots no further goal of a list"), ("--resume", "go on with it")):
         text += ", wherever it is sent from (default: all robots)"
         what.add_argument(option, nargs="?", const="", metavar="IDS", help=text)
-    add_option(parser, "--name", default=names.GOALS, help="call this process so on the bus")
+    add_option(parser, "--name", dest="process", default=names.GOALS, help="call this process so on the bus")
     parser.add_argument("--json", action="store_true", help="print each goal that has ended as a JSON line")
     add_clock_option(parser)
     add_bus_options(parser)
     return parser
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    args = build_parser().parse_args(argv)
-    checked(args, lambda: _read(args))
-    act = _send if args.pause is None and args.resume is None else _pause
-    return run(args.name, args, lambda: act(args), needs_output=False)
 
 
 def _read(args: argparse.Namespace) -> None:
@@ -79,8 +67,8 @@ def _read(args: argparse.Namespace) -> None:
     for option in ("pause", "resume"):
         if getattr(args, option):
             setattr(args, option, parse_robot_ids([getattr(args, option)], f"--{option}"))
-    if not args.name.isidentifier():
-        raise UsageError(f"--name {args.name!r}: use letters, digits and '_'")
+    if not args.process.isidentifier():
+        raise UsageError(f"--name {args.process!r}: use letters, digits and '_'")
 
 
 def _pause(args: argparse.Namespace) -> int:
@@ -96,7 +84,9 @@ def _pause(args: argparse.Namespace) -> int:
     return 0
 
 
-def _send(args: argparse.Namespace) -> int:
+def _act(args: argparse.Namespace) -> int:
+    if args.pause is not None or args.resume is not None:
+        return _pause(args)
     # A mistake in the file is told before anything is opened.
     goals = read_goals(Path(args.file), spread=bool(args.spread))
     rounds = Rounds(goals, args.spread, None if args.loop else args.rounds)
@@ -109,7 +99,7 @@ def _send(args: argparse.Namespace) -> int:
         with open_display(dispatcher, as_json=args.json):
             node.run(dispatcher.step)
 
-    code = run_node(args.name, bus_options(args), body, args.clock, make=Node)
+    code = run_node(args.process, bus_options(args), body, args.clock, make=Node)
     if code or not made:
         return code
     if not (made[0].is_done or args.loop):
@@ -166,11 +156,8 @@ def _row(errand: Errand) -> tuple[str, ...]:
     if watch is None:
         state = "paused" if errand.is_paused else "no goal"
         return errand.client.name, state, "", "", "", *sums, ""
-    status = watch.status
-    left, time, recoveries = "", "", ""
-    if status is not None:
-        left = f"{status.distance_remaining:.1f} m" if math.isfinite(status.distance_remaining) else ""
-        seconds = seconds_of(status.estimated_time_remaining)
-        time = f"{seconds:.0f} s" if seconds > 0.0 else ""
-        recoveries = str(status.recoveries)
-    return errand.client.name, state_text(errand.client, watch), left, time, recoveries, *sums, goal_text(watch.goal)
+    row = errand.client.name, state_text(errand.client, watch), *left_of(watch.status)
+    return *row, *sums, goal_text(watch.goal)
+
+
+main = partial(run_tool, build_parser, _act, read=_read, needs_output=False)

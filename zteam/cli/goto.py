@@ -18,7 +18,7 @@ from zteam.clock import STILL, AutoClock, monotonic, to_seconds
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
-from zteam.messages import Duration, NavigationState
+from zteam.messages import NavigationState, NavigationStatus
 from zteam.messages.planar import pose2_of
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
 from zteam.node.live_line import PERIOD, ProgressLine
@@ -36,9 +36,8 @@ _TELL_AFTER = 2.0
 def build_parser() -> Parser:
     parser = Parser(prog="zteam goto", description=__doc__)
     parser.add_argument("robot", metavar="ID", help="robot id")
-    parser.add_argument(
-        "pose", nargs="*", default=[], metavar="X Y [YAW]", help="in map: metres, metres, radians (default: 0)"
-    )
+    text = "in map: metres, metres, radians (default: 0)"
+    parser.add_argument("pose", nargs="*", default=[], metavar="X Y [YAW]", help=text)
     parser.add_argument("--cancel", action="store_true", help="give the robot's goal up instead: it stops")
     parser.add_argument("--no-wait", action="store_true", help="end with 0 once the goal is sent")
     text = "cancel the goal if it is not reached within so many host seconds"
@@ -148,10 +147,6 @@ def _give_up(client: NavigationClient, why: str) -> None:
             watch.text = f"{why}; it cannot be canceled: {error}"
 
 
-def seconds_of(duration: Duration) -> float:
-    return duration.sec + duration.nanosec / 1e9
-
-
 def state_text(client: NavigationClient, watch: GoalWatch) -> str:
     """What the robot does for this goal, in a word or two."""
     if watch.ended:
@@ -167,35 +162,36 @@ def state_text(client: NavigationClient, watch: GoalWatch) -> str:
         return f"state {watch.status.state}"
 
 
+def left_of(status: NavigationStatus | None) -> tuple[str, str, str]:
+    """Metres and time that are left, and the number of recoveries; empty where nothing is known."""
+    if status is None:
+        return "", "", ""
+    metres = f"{status.distance_remaining:.1f} m" if math.isfinite(status.distance_remaining) else ""
+    seconds = status.estimated_time_remaining.sec + status.estimated_time_remaining.nanosec / 1e9
+    return metres, duration_text(seconds) if seconds > 0.0 else "", str(status.recoveries)
+
+
+def _recoveries(status: NavigationStatus | None) -> str:
+    return f", {counted(status.recoveries, 'recovery', 'recoveries')}" if status and status.recoveries else ""
+
+
 def progress_text(client: NavigationClient, watch: GoalWatch) -> str:
     """How far it is: state, metres and time that are left, recoveries, and why it does not get on."""
     if client.is_pending:
         return f"waiting for {client.waits_for}"
-    parts = [state_text(client, watch)]
-    status = watch.status
-    if status is not None:
-        if math.isfinite(status.distance_remaining):
-            parts.append(f"{status.distance_remaining:.1f} m left")
-        left = seconds_of(status.estimated_time_remaining)
-        if left > 0.0:
-            parts.append(f"about {duration_text(left)}")
-        if status.recoveries:
-            parts.append(counted(status.recoveries, "recovery", "recoveries"))
-        if status.text and not client.is_stopped:
-            parts.append(status.text)
-    if client.is_stopped:
-        parts.append(STOPPED)
-    return ", ".join(parts)
+    metres, time, _ = left_of(watch.status)
+    left = (f", {metres} left" if metres else "") + (f", about {time}" if time else "")
+    why = STOPPED if client.is_stopped else watch.status.text if watch.status else ""
+    return f"{state_text(client, watch)}{left}{_recoveries(watch.status)}{f', {why}' if why else ''}"
 
 
 def result_text(client: NavigationClient, watch: GoalWatch, seconds: float) -> str:
-    place, status = goal_text(watch.goal), watch.status
+    place = goal_text(watch.goal)
     if not watch.ended:
         return f"{client.name}: goal sent: {place}"
     ends = {TaskResult.SUCCEEDED: "reached", TaskResult.CANCELED: "canceled", TaskResult.FAILED: "aborted"}
     why = f": {watch.text}" if watch.text and watch.result != TaskResult.SUCCEEDED else ""
-    recoveries = f", {counted(status.recoveries, 'recovery', 'recoveries')}" if status and status.recoveries else ""
-    return f"{client.name}: goal {ends[watch.result]} after {seconds:.1f} s{recoveries}: {place}{why}"
+    return f"{client.name}: goal {ends[watch.result]} after {seconds:.1f} s{_recoveries(watch.status)}: {place}{why}"
 
 
 def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import add_option, bus_options
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.node.output import print_line
 
@@ -97,18 +97,21 @@ class Waiter:
 
 
 def wait_for_message(
-    bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeout: float | None, key: str, *, quiet: bool = False
-) -> bool:
-    """Wait until `ready()`, for at most `timeout` s if given; return whether it is ready.
+    bus: Bus, waiter: Waiter, ready: Callable[[], bool], args: argparse.Namespace, key: str, what: str = "message"
+) -> None:
+    """Wait until `ready()`. Raises ZteamError if that takes longer than --timeout says.
 
-    When no message has come for a while, say on stderr whether anything publishes on `key`, unless `quiet`.
+    When no message has come for a while, say on stderr whether anything publishes on `key`, but not in a script.
     """
-    if timeout is not None and (quiet or timeout <= SURVEY):
-        return waiter.wait(ready, timeout, "")
-    if waiter.wait(ready, SURVEY, ""):
-        return True
-    print_line(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
-    return waiter.wait(ready, None if timeout is None else timeout - SURVEY, "")
+    limit, quiet = limit_of(args)
+    first = SURVEY if limit is None or (limit > SURVEY and not quiet) else limit
+    if waiter.wait(ready, first, ""):
+        return
+    if first != limit:
+        print_line(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
+        if waiter.wait(ready, None if limit is None else limit - first, ""):
+            return
+    raise ZteamError(f"no {what} on {key} within {limit:g} s: {silence(bus, key)}")
 
 
 def silence(bus: Bus, key: str) -> str:

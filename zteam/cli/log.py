@@ -24,8 +24,6 @@ from zteam.node.output import Clean, print_json, print_line
 
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
 """(level, colour of its lines and of those above it): red, yellow, none, faint."""
-_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)}
-"""Control characters of ASCII are shown by their codes; tabs and ends of lines are kept."""
 
 
 def build_parser() -> Parser:
@@ -61,7 +59,7 @@ def format_line(line: LogLine, color: bool) -> Clean:
     level = "" if level_name(line.level) == "info" else f"{level_name(line.level)}: "
     millisecond = line.time_ns // 1_000_000 % 1000
     head = f"{local_time_text(line.time_ns)}.{millisecond:03d} [{line.process}] {level}"
-    shown = printable((head + line.text).translate(_CONTROLS).replace("\n", "\n    "), "\n\t")
+    shown = printable((head + line.text).replace("\n", "\n    "), "\n\t")
     code = next(code for bound, code in _COLORS if line.level >= bound)
     return Clean(f"\033[{code}m{shown}\033[0m" if color and code else shown)
 
@@ -69,14 +67,6 @@ def format_line(line: LogLine, color: bool) -> Clean:
 def format_json(line: LogLine) -> bytes:
     """The line as one JSON object, with the name of its level."""
     return msgspec.json.encode({**msgspec.structs.asdict(line), "level": level_name(line.level)})
-
-
-def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
-    """Raise ZteamError if a name is not one of a living process; a pattern with `*` may match none."""
-    unknown = [name for name in patterns if not is_wildcard(name) and name not in alive]
-    if unknown:
-        living = f"alive: {', '.join(sorted(set(alive)))}" if alive else "none is alive (start a team with 'zteam up')"
-        raise ZteamError(f"no process {', '.join(unknown)}; {living}")
 
 
 def _log(args: argparse.Namespace) -> None:
@@ -101,11 +91,10 @@ def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
     if not silent:
         return True
     alive = sorted({node.name for node in find_nodes(bus)})
-    check_names(silent, alive)
-    quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]
-    for name in quiet:
-        print_line(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
-    return bool(answered or quiet)
+    if unknown := [pattern for pattern in silent if not is_wildcard(pattern) and pattern not in alive]:
+        living = f"alive: {', '.join(alive)}" if alive else "none is alive (start a team with 'zteam up')"
+        raise ZteamError(f"no process {', '.join(unknown)}; {living}")
+    return bool(answered) or any(_matches(pattern, name) for pattern in silent for name in alive)
 
 
 def _matches(pattern: str, name: str) -> bool:

@@ -37,14 +37,6 @@ PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf
 """The commands of the processes of a team."""
 
 
-def _usage() -> str:
-    rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
-    return (
-        f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n"
-        f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}"
-    )
-
-
 def start_command(name: str) -> NoReturn:
     """Run `zteam` or the command of a process, including its imports, and end the process with its exit code."""
     try:
@@ -100,7 +92,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line that follows `zteam`."""
     arguments = sys.argv[1:] if argv is None else argv
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
-        print_block(_usage())
+        rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
+        print_block(f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}")
+        print_line(f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}")
         return 0 if arguments else 2
     if arguments[0] == "--version":
         from zteam import __version__
@@ -110,7 +104,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     name, *rest = arguments
     if name in COMMANDS:
         return _run(COMMANDS[name][0], rest)
-    from zteam.cli.usage import unknown_command
-
-    print_line(f"zteam: {unknown_command(name, rest, COMMANDS)}", file=sys.stderr)
+    print_line(f"zteam: {_unknown(name, rest)}", file=sys.stderr)
     return 2
+
+
+def _unknown(name: str, rest: Sequence[str]) -> str:
+    """What to say of a word in the place of a command, before the words `rest`."""
+    from pathlib import Path
+
+    from zteam.config.resources import existing_file, shipped_team
+    from zteam.errors import did_you_mean
+
+    if shipped_team(name) or existing_file(Path(name)):
+        hint = f": did you mean 'zteam {' '.join(['up', name, *rest])}'?"
+    elif name.startswith("-"):
+        hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
+    else:
+        near = did_you_mean(name, COMMANDS, most=2, form=": did you mean {}?")
+        hint = near or f": commands: {', '.join(COMMANDS)}"
+    return f"no command {name!r}{hint}"

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import get_args
 
 from zteam import names
-from zteam.bus import Bus
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.maps import map_grid, to_three_values, write_map
 from zteam.node.output import print_line
@@ -27,11 +26,11 @@ def build_parser() -> Parser:
     text = "trinary keeps free, occupied and unknown; scale and raw keep each value"
     add_option(save, "--mode", choices=get_args(Mode), default="trinary", help=text)
     save.add_argument("--fmt", choices=("pgm", "png"), help="of the picture (default: pgm; png in mode scale)")
-    save.add_argument(
-        "--topic", default=names.MAP, metavar="KEY", help="save this grid, such as robot_1/global_costmap/costmap"
-    )
+    text = "save this grid, such as robot_1/global_costmap/costmap"
+    save.add_argument("--topic", default=names.MAP, metavar="KEY", help=text)
     text = "give up without a map (default: wait)"
     add_option(save, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
+    save.set_defaults(once=False)
     return parser
 
 
@@ -46,26 +45,21 @@ def _save(args: argparse.Namespace) -> None:
     key, path = check_key(args.topic), Path(args.file)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
-    with open_bus(args) as bus:
-        grid = map_grid(_wait_for_map(bus, key, args.timeout))
-    if args.mode == "trinary":
-        grid = to_three_values(grid, args.free, args.occupied)
-    written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
-    frame = grid.frame
-    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
-
-
-def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
     waiter, found = Waiter(), list[OccupancyGrid]()
 
     def take(_key: str, message: OccupancyGrid) -> None:
         found.append(message)
         waiter.notify()
 
-    bus.subscribe(key, OccupancyGrid, take, latched=True)
-    if not wait_for_message(bus, waiter, lambda: bool(found), timeout, key):
-        raise BusError(f"no map came on {key} within {timeout:g} s: start zteam-sim WORLD or zteam-map MAP.yaml")
-    return found[-1]
+    with open_bus(args) as bus:
+        bus.subscribe(key, OccupancyGrid, take, latched=True)
+        wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
+    grid = map_grid(found[-1])
+    if args.mode == "trinary":
+        grid = to_three_values(grid, args.free, args.occupied)
+    written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
+    frame = grid.frame
+    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
 
 
 main = partial(run_tool, build_parser, None, read=_read)

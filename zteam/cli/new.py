@@ -52,35 +52,23 @@ def build_parser() -> Parser:
     return parser
 
 
-def class_name(module: str) -> str:
-    """`MyRobot` for `my_robot`."""
-    return "".join(part[:1].upper() + part[1:] for part in module.split("_"))
-
-
 def _run(args: argparse.Namespace) -> None:
+    """Write both files, or none if one of them exists."""
     word, name = args.verb, args.name
+    words = {"name": name, "kind": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
+    texts = {f"{prefix}{name}.py": (TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8") for prefix in ("", "test_")}
     try:
-        _check_name(word, name)
-        _write(word, name)
+        _check_name(word, name, words["kind"], texts[f"{name}.py"])
+        for path in map(Path, texts):
+            if path.exists() or path.is_symlink():
+                raise UsageError(f"{path} exists already; choose another name, or remove the file")
+        for path, text in zip(map(Path, texts), texts.values(), strict=True):
+            # Never over a file that has just come.
+            with path.open("x", encoding="utf-8") as file:
+                file.write(_fill(text, words))
     except OSError as error:
         raise ZteamError(f"cannot write {error.filename or name}: {error.strerror or error}") from None
-
-
-def _write(word: str, name: str) -> None:
-    """Write both files, or none if one of them exists."""
-    words = {"name": name, "kind": class_name(name)}
-    contents = {
-        Path(f"{prefix}{name}.py"): _fill((TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8"), words)
-        for prefix in ("", "test_")
-    }
-    for path in contents:
-        if path.exists() or path.is_symlink():
-            raise UsageError(f"{path} exists already; choose another name, or remove the file")
-    for path, content in contents.items():
-        # Never over a file that has just come.
-        with path.open("x", encoding="utf-8") as file:
-            file.write(content)
-    print_block(f"wrote {printable(' and '.join(map(str, contents)))}\n")
+    print_block(f"wrote {printable(' and '.join(texts))}\n")
     rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
     print_block(format_table(("next", "does"), rows))
 
@@ -89,20 +77,16 @@ def _fill(template: str, words: dict[str, str]) -> str:
     return string.Template(template).substitute(words)
 
 
-def _check_name(word: str, name: str) -> None:
+def _check_name(word: str, name: str, kind: str, example: str) -> None:
     """Raise UsageError unless files and example can have this name."""
     if not name.isidentifier() or keyword.iskeyword(name):
-        near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
-        hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
-        raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
+        raise UsageError(f"{name!r} cannot be the name of a Python module")
     if _is_taken(name):
         raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
     if word == "node" and (problem := names.name_problem(name)):
         raise UsageError(problem)
     if word == "node" and (names.is_taken(name) or names.robot_id_of(name) is not None):
         raise UsageError(f"{name!r} is the name of a process of every team; choose another one")
-    kind = class_name(name)
-    example = (TEMPLATES / f"{word}.txt").read_text("utf-8")
     if word == "behavior" and (not kind.isidentifier() or re.search(rf"\b{kind}\b", example)):
         raise UsageError(f"{name!r}: the example cannot name its class {kind or name!r}; choose another name")
 

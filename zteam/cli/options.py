@@ -4,7 +4,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
@@ -13,9 +13,8 @@ import msgspec
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.usage import answer, unknown_subcommand, unknown_words
-from zteam.config.numbers import parse_number, parse_whole
-from zteam.errors import UsageError, ZteamError
+from zteam.config.numbers import N, parse_number
+from zteam.errors import UsageError, ZteamError, did_you_mean
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
 from zteam.node.leaving import show_name
@@ -29,13 +28,12 @@ MAX_RATE = 1e4
 """Hz at which a command can repeat something."""
 FORMATS = ("text", "json")
 """Values of `--log-format`."""
+_DID_YOU_MEAN = ": did you mean {}?"
 
 
 class Parser(argparse.ArgumentParser):
     """A command line that reports a mistake on one line."""
 
-    _words: Sequence[str] = ()
-    """What is being parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
     _verbs: "argparse._SubParsersAction[Parser] | None" = None
@@ -51,12 +49,11 @@ class Parser(argparse.ArgumentParser):
         act: Callable[..., object],
         text: str,
         *shared: "Callable[[Parser], object]",
-        usage: str = "",
     ) -> "Parser":
         """Add a subcommand, whose `args.act` is `act`, with options that `shared` functions add."""
         if self._verbs is None:
             self._verbs = self.add_subparsers(dest="verb", required=True)
-        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage or None)
+        verb = self._verbs.add_parser(name, help=text, description=text)
         verb.set_defaults(act=act)
         for add in shared:
             add(verb)
@@ -64,31 +61,36 @@ class Parser(argparse.ArgumentParser):
         return verb
 
     def error(self, message: str) -> NoReturn:
-        """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
-        names = [(word, word.partition("=")[0]) for word in self._words if word.startswith("--")]
-        unknown = [word for word, name in names if not any(o.startswith(name) for o in self._option_string_actions)]
-        text = f"{message}; {unknown_words(self, unknown)}" if unknown else message
-        self.exit(2, answer(self, text) + "\n")
+        """End with 2, and one line: the mistake, and where all that the command takes is listed."""
+        text = f"{self.prog}: {message.removeprefix('argument ')}; see '{self.prog} --help'"
+        self.exit(2, f"{' '.join(text.split())}\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
-        self._words = list(sys.argv[1:] if args is None else args)
-        found, unknown = super().parse_known_args(self._words, namespace)
-        self._words = ()
+        found, unknown = super().parse_known_args(args, namespace)
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]
         if unknown:
-            self.error(unknown_words(self, unknown))
+            self.error(self._unknown_words(unknown))
         # The parser of a subcommand has parsed before.
         found.parser = getattr(found, "parser", self)
         return found, unknown
 
+    def _unknown_words(self, words: Sequence[str]) -> str:
+        """What to say of words that the command does not take."""
+        told = []
+        # The word behind an unknown option is its value.
+        for name, _, value in (word.partition("=") for word in words if word.startswith("-")):
+            hint = did_you_mean(name, self._option_string_actions, most=2, form=_DID_YOU_MEAN)
+            if value and self.takes_assignments:
+                hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
+            told.append(f"no option {name!r}{hint}")
+        return ", ".join(told or [f"{word!r} is too much" for word in words])
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            # Its options are not known.
-            self._words = ()
-            self.error(unknown_subcommand(self, value, action.choices))
+            self.error(f"no subcommand {value!r}{did_you_mean(value, action.choices, most=2, form=_DID_YOU_MEAN)}")
         super()._check_value(action, value)
 
 
@@ -96,14 +98,9 @@ def _is_assignment(word: str) -> bool:
     return word.partition("=")[0].isidentifier() and "=" in word
 
 
-def number(low: float, high: float, what: str) -> Callable[[str], float]:
-    """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
+def number(low: N, high: N, what: str) -> Callable[[str], N]:
+    """The `type` of an option: a number from `low` to `high`, a whole one if these are; an error asks for `what`."""
     return option_type(lambda text: parse_number(text, low, high, what))
-
-
-def whole(low: int, high: int, what: str) -> Callable[[str], int]:
-    """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
-    return option_type(lambda text: parse_whole(text, low, high, what))
 
 
 def _one_of(text: str, choices: Sequence[str]) -> str:
@@ -135,7 +132,7 @@ def add_option(
     if "choices" in keywords:
         keywords["type"] = option_type(partial(_one_of, choices=keywords["choices"]))
     if typed is not None:
-        keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
+        keywords["type"] = number(*typed)
     if default and "default" not in text and not isinstance(default, bool):
         keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
     parser.add_argument(*flags, **keywords)
@@ -174,6 +171,24 @@ def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
     typed = {name: getattr(args, name) for name in kind.__struct_fields__ if hasattr(args, name)}
     lists = {name: tuple(value) for name, value in typed.items() if isinstance(value, list)}
     return kind(**{**typed, **lists, **others})
+
+
+def check_together(
+    args: argparse.Namespace, needs: Mapping[str, Sequence[str]], excludes: Mapping[str, Sequence[str]]
+) -> None:
+    """Raise UsageError for an option without one of those that it `needs`, or with one that it `excludes`."""
+    given = set()
+    for action in args.parser._actions:
+        value, is_switched_off = getattr(args, action.dest, None), action.default is True
+        is_given = not (value is None or value is False or value in ((), []))
+        if action.option_strings and is_given != is_switched_off:
+            given.add(action.option_strings[-1])
+    for flag, others in needs.items():
+        if flag in given and not given.intersection(others):
+            raise UsageError(f"{flag} needs {' or '.join(others)}")
+    for flag, others in excludes.items():
+        if flag in given and (unwanted := [other for other in others if other in given]):
+            raise UsageError(f"{flag}: leave {', '.join(unwanted)} out")
 
 
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
@@ -303,7 +318,7 @@ def run_tool(
     read: Callable[[argparse.Namespace], None] | None = None,
     needs_output: bool = True,
 ) -> int:
-    """Be a tool, which is called `name`, by default as its parser; its exit code.
+    """Be a tool, which is called `name`, by default as the option `process` says or as its parser; its exit code.
 
     Without a `body` it carries out a subcommand. None as its result is exit code 0. Before it runs, `read` replaces
     words of the command line by what they say; a UsageError of it ends with 2, on one line with the usage.
@@ -312,7 +327,12 @@ def run_tool(
     args = parser.parse_args(argv)
     if read is not None:
         checked(args, lambda: read(args))
-    return run(name or parser.prog, args, lambda: (body or args.act)(args) or 0, needs_output=needs_output)
+    return run(
+        name or getattr(args, "process", parser.prog),
+        args,
+        lambda: (body or args.act)(args) or 0,
+        needs_output=needs_output,
+    )
 
 
 def fail(name: str, error: ZteamError) -> int:

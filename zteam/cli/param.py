@@ -39,9 +39,8 @@ def build_parser() -> Parser:
     get.add_argument("parameter", metavar="PARAM")
     change = verb("set", _set, "set parameters from the robot's next step on: all of them, or none if one is refused")
     change.add_argument("robots", metavar="NAME", help=_ROBOTS)
-    change.add_argument(
-        "pairs", nargs="+", metavar="PARAM VALUE", help="the value as in a team file: 0.4, true, text, [1, 2]"
-    )
+    text = "the value as in a team file: 0.4, true, text, [1, 2]"
+    change.add_argument("pairs", nargs="+", metavar="PARAM VALUE", help=text)
     dump = verb("dump", _dump, "print the parameters as TOML, for the robot's table in a team file")
     dump.add_argument("robots", metavar="NAME", help="one robot: robot_0 or 0")
     return parser
@@ -75,20 +74,15 @@ def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
 
 def find_robots(client: ParametersClient, text: str) -> Robots:
     """The robots that a user names, in the order of their ids, and their parameters. Raises UsageError, BusError."""
-    pattern = names.strip_slash(text).replace("$*", "*")
+    pattern, found = names.strip_slash(text).replace("$*", "*"), client.describe_all()
     if pattern[:1].isdigit():
         wanted = [names.robot_name(robot_id) for robot_id in parse_robot_ids([pattern], "NAME")]
-    elif "*" not in pattern:
-        wanted = [pattern]
     else:
-        found = client.describe_all()
-        matching = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
-        if not matching:
-            if not found:
-                raise BusError("no robot tells its parameters: start a team with 'zteam up'")
-            raise BusError(f"no robot {text}: there is {', '.join(sorted(found, key=_order))}")
-        return {name: found[name] for name in matching}
-    return {name: client.describe(name) for name in wanted}
+        wanted = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order) or [text]
+    if lacking := [name for name in wanted if name not in found]:
+        there = ", ".join(sorted(found, key=_order)) or "none: start a team with 'zteam up'"
+        raise BusError(f"no process {lacking[0]} with parameters; there is {there}")
+    return {name: found[name] for name in wanted}
 
 
 def _order(name: str) -> tuple[int, str]:
@@ -97,7 +91,11 @@ def _order(name: str) -> tuple[int, str]:
 
 def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     if args.json:
-        print_json([{"name": name, **_fields(reply)} for name, reply in robots.items()])
+        for_json = []
+        for name, reply in robots.items():
+            rows = [{**msgspec.structs.asdict(each), "value": reply.values.get(each.name)} for each in reply.parameters]
+            for_json.append({"name": name, "behavior": reply.behavior, "parameters": rows})
+        print_json(for_json)
         return 0
     for name, reply in robots.items():
         print_line(f"{name}: {reply.behavior}")
@@ -105,28 +103,19 @@ def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
     return 0
 
 
-def _fields(reply: DescribeReply) -> dict[str, Any]:
-    rows = [{**msgspec.structs.asdict(each), "value": reply.values.get(each.name)} for each in reply.parameters]
-    return {"behavior": reply.behavior, "parameters": rows}
-
-
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
     lines = [_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}" for name, value in found.items()]
     print_json(found) if args.json else print_line(*lines)
-    _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
+    lacking = []
+    for name, reply in robots.items():
+        if name not in found:
+            hint, takes = did_you_mean(args.parameter, reply.values), ", ".join(reply.values) or "no parameters"
+            lacking.append(f"{name}: no parameter {args.parameter!r}{hint}; {reply.behavior} takes {takes}")
+    if lacking:
+        # The other robots have been served.
+        raise UsageError("\n".join(lacking))
     return 0
-
-
-def _lack(robot: str, reply: DescribeReply, parameter: str) -> str:
-    takes = ", ".join(reply.values) or "no parameters"
-    return f"{robot}: no parameter {parameter!r}{did_you_mean(parameter, reply.values)}; {reply.behavior} takes {takes}"
-
-
-def _raise_all(refused: Sequence[str]) -> None:
-    """Raise UsageError if anything was refused: the other robots have been served."""
-    if refused:
-        raise UsageError("\n".join(refused))
 
 
 def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> int:
@@ -141,7 +130,8 @@ def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> 
             done[robot] = {name: now[name] for name in args.values}
     lines = [f"{robot}: {', '.join(_assignments(now))}" for robot, now in done.items()]
     print_json(done) if args.json else print_line(*lines)
-    _raise_all(refused)
+    if refused:
+        raise UsageError("\n".join(refused))
     return 0
 
 

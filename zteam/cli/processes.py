@@ -19,6 +19,7 @@ from zteam.cli.options import (
     add_path_option,
     add_repeated,
     bus_options,
+    check_together,
     checked,
     folders_of,
     option_type,
@@ -95,15 +96,6 @@ def _simulation_options(args: argparse.Namespace) -> Options:
         raise UsageError(str(error)) from None
 
 
-def _lockstep_options(args: argparse.Namespace) -> LockStepOptions | None:
-    if args.lockstep:
-        return read_options(LockStepOptions, args)
-    for flag, given in (("--expect", args.expected), ("--no-gate", not args.gate)):
-        if given:
-            raise UsageError(f"{flag} needs --lockstep")
-    return None
-
-
 def _parse_gap(text: str) -> tuple[int, int]:
     """(follower, leader) of FOLLOWER:LEADER."""
     follower, colon, leader = text.partition(":")
@@ -126,6 +118,7 @@ def _parse_addition(text: str) -> tuple[int, str, Pose2]:
 
 
 def _read_simulator(args: argparse.Namespace) -> Read:
+    check_together(args, {"--expect": ("--lockstep",), "--no-gate": ("--lockstep",)}, {})
     options = read_options(
         SimOptions,
         args,
@@ -134,7 +127,7 @@ def _read_simulator(args: argparse.Namespace) -> Read:
         follows=dict(args.gap),
         engine=_simulation_options(args),
         speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
-        lockstep=_lockstep_options(args),
+        lockstep=read_options(LockStepOptions, args) if args.lockstep else None,
     )
     # Once the log is there: a world that is not found is told as one that cannot be read.
     return names.SIMULATOR, lambda: msgspec.structs.replace(options, world=find_world(args.world))
@@ -182,8 +175,7 @@ def read_base(pairs: Iterable[tuple[str, Any]]) -> BaseOverride:
 
 def _read_robot(args: argparse.Namespace) -> Read:
     params = dict(args.param)
-    if args.law is not None and args.follow is None:
-        raise UsageError(f"--law {args.law} says how to follow: say --follow ID too")
+    check_together(args, {"--law": ("--follow",)}, {})
     for flag, name in (("law", "law"), ("follow", "leader")):
         if getattr(args, flag) is not None:
             if name in params:
@@ -283,31 +275,19 @@ def _aggregator_options(args: argparse.Namespace) -> AggregatorOptions:
 def _add_monitor(parser: Parser) -> None:
     """`zteam-monitor --team-size N`: run the start gate ("All robots GO!") and watch the team's health; with a
     monitor running already, show that one's team."""
-    sizes = (1, names.MAX_ROBOT_ID + 1, "a whole number")
-    add_option(parser, "--team-size", typed=sizes, metavar="N", help="wait for this many robots")
-    parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
+    team, sizes = parser.add_mutually_exclusive_group(), (1, names.MAX_ROBOT_ID + 1, "a whole number")
+    add_option(team, "--team-size", typed=sizes, metavar="N", help="wait for this many robots")
+    team.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
     add_options(parser, MonitorOptions)
     add_go_timeout_option(parser)
     add_clock_option(parser)
 
 
-def parse_team(size: int | None, ids: Sequence[str] | None) -> tuple[int, tuple[int, ...] | None]:
-    """(team size, ids or None) of `--team-size` and `--ids`; size 0 without either: look at the monitor that runs.
-
-    Raises UsageError if they contradict each other.
-    """
-    chosen = None if ids is None else parse_robot_ids(ids, "--ids")
-    if size is None:
-        return (0, None) if chosen is None else (len(chosen), chosen)
-    if chosen is not None and len(chosen) != size:
-        raise UsageError(f"--team-size {size} and --ids with {len(chosen)} robots disagree: leave one out")
-    return size, chosen
-
-
 def _read_monitor(args: argparse.Namespace) -> Read:
-    team_size, ids = parse_team(args.team_size, args.ids)
-    if args.in_world and ids is None:
-        raise UsageError("--in-world needs --ids")
+    check_together(args, {"--in-world": ("--ids",)}, {})
+    # Without either it looks at the monitor that runs.
+    ids = None if args.ids is None else parse_robot_ids(args.ids, "--ids")
+    team_size = len(ids) if ids else args.team_size or 0
     options = read_options(MonitorOptions, args, team_size=team_size, ids=ids)
     return names.MONITOR, lambda: options
 

@@ -1,66 +1,51 @@
 """`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: control the running simulator."""
 
 import argparse
-import sys
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, add_option, option_type, parse_speed, run_tool
-from zteam.clock import monotonic, to_seconds
+from zteam.clock import to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError, printable
 from zteam.geometry import turn_problem
 from zteam.node.live_line import ProgressLine
-from zteam.node.output import print_block, print_json, print_line
+from zteam.node.output import print_block, print_json
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
-
-T = TypeVar("T")
-
-PATIENCE = 2.0
-"""Host seconds after which a step reports its progress, and a change what it waits for."""
-
-Answer = tuple[msgspec.Struct, str]
-"""The reply, and its text for users."""
-Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam sim", description=__doc__)
 
-    def verb(name: str, act: Act, text: str) -> Parser:
-        return parser.add_verb(name, act, text, add_json, add_bus_options)
+    def verb(name: str, text: str) -> Parser:
+        return parser.add_verb(name, _answer, text, add_json, add_bus_options)
 
-    verb("pause", _pause, "pause the world")
-    verb("resume", _resume, "continue the world")
-    step, ticks = verb("step", _step, "run N ticks, then pause"), (1, MAX_TICKS, "a number of ticks")
+    verb("pause", "pause the world")
+    verb("resume", "continue the world")
+    step, ticks = verb("step", "run N ticks, then pause"), (1, MAX_TICKS, "a number of ticks")
     add_option(step, "ticks", nargs="?", typed=ticks, default=1, metavar="N", help="ticks to run")
     text = "simulated seconds per host second, or max for as fast as possible"
-    verb("speed", _speed, "set the pace").add_argument(
-        "speed", type=option_type(parse_speed), metavar="X|max", help=text
-    )
-    verb("reset", _reset, "return to the start: robots, bodies and time")
-    spawn = verb("spawn", _spawn, "add a robot to the world and print its id")
+    verb("speed", "set the pace").add_argument("speed", type=option_type(parse_speed), metavar="X|max", help=text)
+    verb("reset", "return to the start: robots, bodies and time")
+    spawn = verb("spawn", "add a robot to the world and print its id")
     spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
     add_option(spawn, "--model", default="erratic", help="a model that the world file defines")
     robot_id = option_type(lambda text: names.parse_robot_id(text.strip()))
     spawn.add_argument("--id", type=robot_id, metavar="N", help="robot id (default: the lowest free one)")
-    verb("remove", _remove, "remove robots from the world").add_argument(
-        "ids", nargs="+", metavar="ID", help="robot ids, e.g. 3, or 0,2-4"
-    )
-    move = verb("move", _move, "put a robot at another pose")
+    remove, text = verb("remove", "remove robots from the world"), "robot ids, e.g. 3, or 0,2-4"
+    remove.add_argument("ids", nargs="+", metavar="ID", help=text)
+    move = verb("move", "put a robot at another pose")
     move.add_argument("id", type=robot_id, metavar="ID", help="robot id")
     for name, unit in (("x", "metres"), ("y", "metres"), ("yaw", "radians")):
         move.add_argument(name, metavar=name.upper(), help=f"in map: {unit}")
     for sub in (spawn, move):
         sub.add_argument("--force", action="store_true", help="allow a pose in a wall or a robot, or outside the world")
-    verb("status", _status, "print time, pace, lock-step and robots")
+    verb("status", "print time, pace, lock-step and robots")
     return parser
 
 
@@ -73,24 +58,8 @@ def _read(args: argparse.Namespace) -> None:
 
 def _answer(args: argparse.Namespace) -> None:
     with open_bus(args) as bus:
-        reply, text = args.act(SimulatorClient(bus), args)
+        reply, text = _act(SimulatorClient(bus), args)
     print_json(reply) if args.json else print_block(text)
-
-
-def _change(make: Callable[[], T]) -> T:
-    """Ask for a change to the world; report a long wait: a participant may be holding the current tick."""
-    done = threading.Event()
-
-    def report() -> None:
-        if not done.wait(PATIENCE):
-            text = "the current tick to end; 'zteam sim status' names what it waits for (Ctrl+C to give up)"
-            print_line(f"waiting for {text}", file=sys.stderr)
-
-    threading.Thread(target=report, daemon=True).start()
-    try:
-        return make()
-    finally:
-        done.set()
 
 
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
@@ -105,79 +74,62 @@ def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-def _pause(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
-    status = client.pause()
-    return status, f"paused {_format_when(status)}{_format_hold(status)}"
+def _act(client: SimulatorClient, args: argparse.Namespace) -> tuple[msgspec.Struct, str]:
+    """Carry out the verb; the simulator's reply, and its text for users."""
+    match args.verb:
+        case "pause":
+            status = client.pause()
+            hold = f", which waits for {printable(status.waiting_for)}" if status.waiting_for else ""
+            return status, f"paused {_format_when(status)}{hold}"
+        case "resume":
+            status = client.resume()
+            if status.finished:
+                return status, f"the run is over {_format_when(status)}: 'zteam sim reset' starts it again"
+            return status, f"resumed {_format_when(status)}, {_format_pace(status)}"
+        case "speed":
+            status = client.set_speed(args.speed)
+            later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
+            return status, _format_pace(status) + later
+        case "reset":
+            status = client.reset()
+            return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
+        case "spawn":
+            robot_id = client.spawn(*args.pose, model=args.model, robot_id=args.id, force=args.force)
+            return SpawnReply(robot_id), str(robot_id)
+        case "move":
+            x, y, yaw = args.pose
+            status = client.move(args.id, x, y, yaw, force=args.force)
+            return status, f"robot {args.id} is at x {x:zg}, y {y:zg}, yaw {yaw:zg}"
+        case "remove":
+            status = _remove(client, args.ids)
+            gone = f"robot {args.ids[0]} is" if len(args.ids) == 1 else f"robots {format_robot_ids(args.ids)} are"
+            return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
+        case _:
+            status = _step(client, args.ticks) if args.verb == "step" else client.status()
+            return status, format_status(status)
 
 
-def _resume(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
-    status = client.resume()
-    if status.finished:
-        return status, f"the run is over {_format_when(status)}: 'zteam sim reset' starts it again"
-    return status, f"resumed {_format_when(status)}, {_format_pace(status)}"
-
-
-def _step(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    begin, first, last = monotonic(), None, None
+def _step(client: SimulatorClient, ticks: int) -> SimStatus:
     with ProgressLine() as progress:
 
         def report(status: SimStatus) -> None:
-            nonlocal first, last
-            first = status.tick if first is None else first
-            # Every participant is waited for between two ticks: name one only if it still holds the same tick.
-            held = _format_hold(status) if status.tick == last else ""
-            last = status.tick
-            if monotonic() - begin >= PATIENCE:
-                progress.show(
-                    f"{last - first} of {args.ticks} ticks, now {_format_when(status)}{held}, "
-                    f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
-                )
+            progress.show(f"{_format_when(status)}, real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)")
 
         try:
-            status = client.step(args.ticks, on_progress=report)
+            return client.step(ticks, on_progress=report)
         except KeyboardInterrupt:
             # The user gave up: cancel the remaining ticks.
             progress.say(f"paused {_format_when(client.pause())}")
             raise
-    return status, format_status(status)
 
 
-def _speed(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    status = client.set_speed(args.speed)
-    later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
-    return status, _format_pace(status) + later
-
-
-def _reset(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
-    status = _change(client.reset)
-    return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
-
-
-def _spawn(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    robot_id = _change(lambda: client.spawn(*args.pose, model=args.model, robot_id=args.id, force=args.force))
-    return SpawnReply(robot_id), str(robot_id)
-
-
-def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    ids = args.ids
+def _remove(client: SimulatorClient, ids: Sequence[int]) -> SimStatus:
     for i, robot_id in enumerate(ids):
         try:
-            status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
+            status = client.remove(robot_id)
         except BusError as error:
             raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
-    gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
-    return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
-
-
-def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    x, y, yaw = args.pose
-    status = _change(lambda: client.move(args.id, x, y, yaw, force=args.force))
-    return status, f"robot {args.id} is at x {x:zg}, y {y:zg}, yaw {yaw:zg}"
-
-
-def _status(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
-    status = client.status()
-    return status, format_status(status)
+    return status
 
 
 def format_status(status: SimStatus) -> str:
@@ -207,11 +159,6 @@ def _format_when(status: SimStatus) -> str:
     return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
 
 
-def _format_hold(status: SimStatus) -> str:
-    """What holds a tick of lock-step, as the end of a sentence; empty if nothing does."""
-    return f", which waits for {printable(status.waiting_for)}" if status.waiting_for else ""
-
-
 def _format_pace(status: SimStatus) -> str:
     if status.speed is None:
         return "as fast as possible"
@@ -222,4 +169,4 @@ def _listed(items: Sequence[object]) -> str:
     return ", ".join(map(str, items)) or "-"
 
 
-main = partial(run_tool, build_parser, _answer, read=_read)
+main = partial(run_tool, build_parser, None, read=_read)

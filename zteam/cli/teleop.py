@@ -35,21 +35,15 @@ _FOCUS_ON, _FOCUS_OFF = "\x1b[?1004h", "\x1b[?1004l"
 
 
 def build_parser() -> Parser:
-    parser = Parser(
-        prog="zteam teleop",
-        description=__doc__,
-        epilog=f"keys:\n{HELP_TEXT}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--id", dest="ids", nargs="+", required=True, metavar="ID", help="drive these robots, e.g. 0 or 0-2"
-    )
+    parser = Parser(prog="zteam teleop", description=__doc__, epilog=f"keys:\n{HELP_TEXT}")
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    text = "drive these robots, e.g. 0 or 0-2"
+    parser.add_argument("--id", dest="ids", nargs="+", required=True, metavar="ID", help=text)
     bounds = (MIN_SPEED, MAX_SPEED, "a speed")
     add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
     add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
-    parser.add_argument(
-        "--script", metavar="KEYS", help="press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
-    )
+    text = "press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
+    parser.add_argument("--script", metavar="KEYS", help=text)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser

@@ -1,7 +1,6 @@
 """`zteam tf echo A B | tree | monitor | positions | static`: show and set transforms between frames."""
 
 import argparse
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -28,9 +27,9 @@ from zteam.cli.options import (
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import pause
-from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
+from zteam.config.numbers import MAX_SECONDS, counted, format_rate, parse_number
+from zteam.config.problems import problems_of
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import TFMessage, TransformStamped, to_json
 from zteam.node.output import print_block, print_json, print_line
 from zteam.transforms import Buffer, FrameInfo, TransformException
@@ -71,17 +70,10 @@ def build_parser() -> Parser:
     text = "measure for S host seconds"
     add_option(monitor, "--for", dest="seconds", typed=seconds, default=5.0, metavar="S", help=text)
     positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map", *shared)
-    often = positions.add_mutually_exclusive_group()
-    often.add_argument("--once", action="store_true", help="print once (the default)")
-    rate = (1e-3, MAX_RATE, "positions a second")
-    add_option(often, "--rate", typed=rate, metavar="HZ", help="repeat until Ctrl+C")
-    static = parser.add_verb(
-        "static",
-        _hold_static,
-        "hold a fixed transform until Ctrl+C",
-        add_bus_options,
-        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
-    )
+    rate, text = (1e-3, MAX_RATE, "positions a second"), "repeat until Ctrl+C (default: print once)"
+    add_option(positions, "--rate", typed=rate, metavar="HZ", help=text)
+    static = parser.add_verb("static", _hold_static, "hold a fixed transform until Ctrl+C", add_bus_options)
+    static.usage = "zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)"
     static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
     for sub in (echo, positions):
         add_clock_option(sub)
@@ -283,49 +275,27 @@ def _hold_static(args: argparse.Namespace) -> None:
                     raise ZteamError(f"refused: {reply.refused}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
-                _warn_of_an_unknown_parent(bus, request)
         except KeyboardInterrupt:
             return
 
 
 def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
-    """The request of X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD. Raises UsageError.
+    """The request of X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD. Raises UsageError."""
+    from zteam.team.file.entries import StaticTransform, static_transform
 
-    A publish period at the end, as in ROS 1, is accepted and ignored.
-    """
-    values = list(words)
-    if len(values) in {9, 10} and _is_coordinate(values[-1]) and not _is_coordinate(values[-2]):
-        values.pop()
-    if len(values) not in {8, 9} or not all(map(_is_coordinate, values[:-2])):
-        raise UsageError(
-            "give X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
-        )
-    x, y, z, *angles = map(float, values[:-2])
-    if len(angles) == 3:
-        yaw, pitch, roll = angles
-        for name, angle in zip(("YAW", "PITCH", "ROLL"), angles, strict=True):
-            if problem := turn_problem(angle):
-                raise UsageError(f"{name} {problem}")
-        angles = list(quaternion_from_rpy(roll, pitch, yaw))
-    elif abs(math.hypot(*angles) - 1.0) > 0.01:
-        raise UsageError(f"QX QY QZ QW has the length {math.hypot(*angles):.3g}; a rotation has the length 1")
-    parent, child = map(names.strip_slash, values[-2:])
-    if parent == child:
-        raise UsageError(f"PARENT and CHILD are both {child!r}: name two frames")
-    return StaticRequest(parent, child, caller, x, y, z, *angles)
-
-
-def _is_coordinate(text: str) -> bool:
-    return is_number(text, MAX_COORDINATE)
-
-
-def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
-    """Warn if no process publishes the parent: the new frame then is in a tree of its own."""
-    edges = {(frame.parent, child) for child, frame in (find_frames(bus) or {}).items()}
-    known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
-    if known and request.parent not in known:
-        text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
-        print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
+    turn = {8: ("yaw", "pitch", "roll"), 9: ("qx", "qy", "qz", "qw")}.get(len(words))
+    form = "X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
+    if turn is None:
+        raise UsageError(f"give {form}")
+    numbers = [parse_number(word, -MAX_COORDINATE, MAX_COORDINATE, f"{form}, numbers") for word in words[:-2]]
+    keys = ("x", "y", "z", *turn, "parent", "child")
+    given = dict(zip(keys, (*numbers, *words[-2:]), strict=True))
+    for problem in problems_of(given, StaticTransform):
+        raise UsageError(str(problem))
+    found = static_transform(msgspec.convert(given, StaticTransform))
+    at, rotation = found.transform.translation, found.transform.rotation
+    turned = (rotation.x, rotation.y, rotation.z, rotation.w)
+    return StaticRequest(found.header.frame_id, found.child_frame_id, caller, at.x, at.y, at.z, *turned)
 
 
 main = partial(run_tool, build_parser, None)

@@ -5,16 +5,14 @@ import itertools
 import statistics
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus
-from zteam.bus.bus import Publisher
-from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
+from zteam.bus import Bus, Publisher
+from zteam.bus.graph import Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import (
@@ -22,7 +20,6 @@ from zteam.cli.listening import (
     Waiter,
     add_timeout,
     check_key,
-    limit_of,
     open_bus,
     silence,
     wait_for_message,
@@ -31,14 +28,17 @@ from zteam.cli.listening import (
 from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, add_json, add_option, run_tool
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.clock import AutoClock, monotonic, to_seconds
+from zteam.clock import AutoClock, monotonic, pause, to_seconds
 from zteam.config.numbers import counted, format_rate
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError, ZteamError, printable
-from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
+from zteam.messages import Message, Time, decode, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
 from zteam.node.output import print_block, print_json, print_line
+
+_WINDOW = 100
+"""Messages over which a rate is measured."""
 
 
 def publish(args: argparse.Namespace) -> None:
@@ -54,6 +54,9 @@ def publish(args: argparse.Namespace) -> None:
         holds_time = True
         return Time() if clock is None else time_from_ns(clock.now())
 
+    known = type_of_key(key)
+    if known is not None and known.ros_type != kind.ros_type:
+        raise UsageError(f"{key} carries {known.ros_type}, not {kind.ros_type}")
     message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
     with open_bus(args) as bus:
@@ -61,7 +64,6 @@ def publish(args: argparse.Namespace) -> None:
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
         graph = find_graph(bus)
-        check_type(bus, key, kind, graph)
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
         how = (
@@ -107,27 +109,6 @@ def _warn_of_others(key: str, graph: Graph) -> None:
         _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")
 
 
-def check_type(bus: Bus, key: str, kind: type[Message], graph: Graph) -> None:
-    """Raise UsageError if the key carries messages of another type, by its name or by what is heard on it."""
-    known = type_of_key(key)
-    carried = encoding_of(known) if known else _heard_encoding(bus, key) if graph.publishers(key) else ""
-    if carried.startswith("application/cdr;") and carried != encoding_of(kind):
-        raise UsageError(f"{key} carries {carried.partition(';')[2]}, not {kind.ros_type}")
-
-
-def _heard_encoding(bus: Bus, key: str) -> str:
-    """The encoding of a message on the key, or of its latched one; empty if none comes."""
-    heard, waiter = list[str](), Waiter()
-
-    def take(sample: RawSample) -> None:
-        heard.append(sample.encoding)
-        waiter.notify()
-
-    with closing(bus.subscribe_raw(key, take, latched=True)):
-        waiter.wait(lambda: bool(heard), SURVEY, "")
-    return heard[0] if heard else ""
-
-
 def build_parser() -> Parser:
     parser = Parser(prog="zteam topic", description=__doc__)
     text = "list the keys with type, rate, and numbers of publishers and subscribers"
@@ -144,8 +125,6 @@ def build_parser() -> Parser:
     echo.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
     add_timeout(echo, "a message")
-    text = "measure over this many messages"
-    add_option(rate, "--window", typed=(2, 1_000_000, "messages"), default=100, help=text)
     rate.add_argument("--once", action="store_true", help="end after the first line")
     add_timeout(rate, "two messages")
     _add_pub_options(pub)
@@ -167,8 +146,7 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
 
 def _echo(args: argparse.Namespace) -> None:
     key, given = check_key(args.key), message_type(args.type) if args.type else None
-    (limit, quiet), waiter = limit_of(args), Waiter()
-    queue: deque[RawSample] = deque(maxlen=1000)
+    waiter, queue = Waiter(), deque[RawSample](maxlen=1000)
 
     def take(sample: RawSample) -> None:
         queue.append(sample)
@@ -176,15 +154,10 @@ def _echo(args: argparse.Namespace) -> None:
 
     with open_bus(args) as bus:
         bus.subscribe_raw(key, take, latched=True)
-        wait: Callable[[Callable[[], bool]], bool] = partial(
-            wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
-        )
-        while True:
-            if not wait(lambda: bool(queue)):
-                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
-            if _print_sample(queue.popleft(), given, args) and args.once:
-                return
-            wait = partial(waiter.wait, timeout=limit, what=f"a message on {key}")
+        wait_for_message(bus, waiter, lambda: bool(queue), args, key)
+        while not (_print_sample(queue.popleft(), given, args) and args.once):
+            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
+                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
@@ -205,35 +178,34 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 
 def _hz(args: argparse.Namespace) -> None:
     key, waiter = check_key(args.key), Waiter()
-    times: deque[float] = deque(maxlen=args.window)
-    total = 0
+    times, newest = deque[float](maxlen=_WINDOW), 0.0
     with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def take(_sample: RawSample) -> None:
-            nonlocal total
             now = to_seconds(clock.now()) if clock.simulated else monotonic()
             if times and now < times[-1]:
                 # The simulator was reset: drop the stamps from before.
                 times.clear()
             times.append(now)
-            total += 1
             waiter.notify()
 
         bus.subscribe_raw(key, take)
-        limit, quiet = limit_of(args)
-        if not wait_for_message(bus, waiter, lambda: total >= 2, limit, key, quiet=quiet):
-            raise ZteamError(f"no two messages on {key} within {limit:g} s: {silence(bus, key)}")
+        wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
+
+        def has_news() -> bool:
+            return len(times) > 1 and times[-1] != newest
+
         while True:
-            waiter.wait(lambda: False, 1.0, "")
+            pause(1.0)
+            waiter.wait(has_news, None, f"messages on {key}")
             stamps = list(times)
             if len(stamps) < 2:
                 continue
+            newest = stamps[-1]
             print_block(_format_rate(stamps, clock.simulated, args.json))
             if args.once:
                 return
-            enough = total + 2
-            waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
 
 
 def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
@@ -283,17 +255,7 @@ def _info(args: argparse.Namespace) -> None:
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
         heard = named.name_sessions(row.sources, row.key)
-        info = {
-            "key": row.key,
-            "type": row.type,
-            "rate": round(row.rate, 2),
-            "latched": row.latched,
-            "bytes": row.bytes,
-            "writers": heard,
-            "receivers": stats,
-            "publishers": row.publishers,
-            "subscribers": row.subscribers,
-        }
+        info = {**msgspec.structs.asdict(row), "writers": heard, "receivers": stats}
         print_json(info) if args.json else print_block(_format_info(row, heard, stats))
 
 

@@ -22,6 +22,7 @@ from zteam.cli.options import (
     add_go_timeout_option,
     add_options,
     bus_options,
+    check_together,
     parse_speed,
     run_tool,
 )
@@ -52,6 +53,16 @@ _SWITCHES = {
     "--no-browser": "with --view: print the page's address only",
     "--lockstep": "wait for every process in each tick: equal seeds give equal runs",
 }
+_WORDS = {
+    "--world": ("FILE", "use this world file or shipped world (default: the team file's)"),
+    "--report": ("FILE", "write the run's report as JSON; needs --for or --until"),
+    "--listen": (
+        "ENDPOINT",
+        f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or if that is taken any port)",
+    ),
+    "--only": ("NAME", "be this process of the team alone, such as robot_1; needs --connect"),
+}
+"""By option: what it takes, and the help."""
 _NEEDS = {
     "--expect": ("--lockstep",),
     "--report": ("--for", "--until"),
@@ -70,91 +81,43 @@ _EXCLUDES = {
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam up", description=__doc__, epilog="docs/team-files.md has every key of a team file.")
-    _add_team_arguments(parser)
-    parser.add_argument(
-        "--world", metavar="FILE", help="use this world file or shipped world (default: the team file's)"
-    )
-    add_options(
-        parser,
-        SimOptions,
-        "speed",
-        seed="use this seed (default: the team file's)",
-        run_for="end this many simulated seconds after GO",
-        until="end before this tick of the simulator",
-    )
+    shipped = ", ".join(names(teams_folder(), ".toml"))
+    text = f"a team file, or the name of a shipped one: {shipped} (default: %(default)s)"
+    parser.add_argument("team", nargs="?", default="line", help=text)
+    parser.takes_assignments = True
+    text = "arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)"
+    parser.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help=text)
+    for flag, (metavar, text) in _WORDS.items():
+        parser.add_argument(flag, metavar=metavar, help=text)
+    texts = {
+        "seed": "use this seed (default: the team file's)",
+        "run_for": "end this many simulated seconds after GO",
+        "until": "end before this tick of the simulator",
+    }
+    add_options(parser, SimOptions, "speed", **texts)
     parser.set_defaults(seed=None)
-    parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for or --until")
-    parser.add_argument(
-        "--secure",
-        nargs="?",
-        type=Path,
-        const=Path("certs"),
-        metavar="FOLDER",
-        help="give each process a certificate of this folder, by default certs, and let nothing else in "
-        "(docs/security.md)",
+    text = (
+        "give each process a certificate of this folder, by default certs, and let nothing else in (docs/security.md)"
     )
+    parser.add_argument("--secure", nargs="?", type=Path, const=Path("certs"), metavar="FOLDER", help=text)
     for flag, text in _SWITCHES.items():
         parser.add_argument(flag, action="store_true", help=text)
-    parser.add_argument(
-        "--chaos",
-        nargs="?",
-        const="",
-        metavar="PLAN|SEED",
-        help="give each process a link of its own for 'zteam chaos', and carry out a plan of faults",
-    )
-    parser.add_argument(
-        "--listen",
-        metavar="ENDPOINT",
-        help=f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or where that is taken any port)",
-    )
-    parser.add_argument(
-        "--only", metavar="NAME", help="be this process of the team alone, such as robot_1; needs --connect"
-    )
+    text = "give each process a link of its own for 'zteam chaos', and carry out a plan of faults"
+    parser.add_argument("--chaos", nargs="?", const="", metavar="PLAN|SEED", help=text)
     add_go_timeout_option(parser)
-    add_options(
-        parser,
-        LockStepOptions,
-        timeout="stop waiting for a live process that does not answer for so long",
-        expected="wait for these nodes of your own before the first tick; needs --lockstep",
-    )
+    texts = {
+        "timeout": "stop waiting for a live process that does not answer for so long",
+        "expected": "wait for these nodes of your own before the first tick; needs --lockstep",
+    }
+    add_options(parser, LockStepOptions, **texts)
     add_bus_options(parser)
     return parser
 
 
-def _add_team_arguments(parser: Parser) -> None:
-    shipped = ", ".join(names(teams_folder(), ".toml"))
-    parser.add_argument(
-        "team",
-        nargs="?",
-        default="line",
-        help=f"a team file, or the name of a shipped one: {shipped} (default: %(default)s)",
-    )
-    parser.takes_assignments = True
-    parser.add_argument(
-        "arguments",
-        nargs="*",
-        metavar="NAME=VALUE",
-        help="arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)",
-    )
-
-
 def _check_options(args: argparse.Namespace) -> None:
-    if "=" in args.team and not Path(args.team).exists():
-        raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
-    if args.arguments:
-        from zteam.team.file.sources import parse_arguments
-
-        parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
-    flags = {action.dest: action.option_strings[-1] for action in args.parser._actions if action.option_strings}
-    given = {flag for name, flag in flags.items() if getattr(args, name, None) not in (None, False, (), [])}
-    for flag, others in _NEEDS.items():
-        if flag in given and not given.intersection(others):
-            raise UsageError(f"{flag} needs {' or '.join(others)}")
-    for flag, others in _EXCLUDES.items():
-        if flag in given and (unwanted := [other for other in others if other in given]):
-            raise UsageError(f"{flag}: leave {', '.join(unwanted)} out")
+    check_together(args, _NEEDS, _EXCLUDES)
     if args.listen:
         check_endpoint(args.listen)
     if args.secure is not None:
@@ -168,21 +131,24 @@ def _check_options(args: argparse.Namespace) -> None:
         args.bus = args.view
     asks_to_connect = (args.connect or "") != os.environ.get("ZTEAM_CONNECT", "")
     if args.in_process and not args.bus and (args.expected or asks_to_connect):
-        raise UsageError(
-            "--expect and --connect need processes, or --bus: no process can join a team with --in-process"
-        )
+        raise UsageError("--expect and --connect need processes, or --bus: none can join a team with --in-process")
 
 
 def _up(args: argparse.Namespace) -> int:
     if args.help_args:
-        _print_arguments(args)
+        from zteam.cli.tables import format_table
+        from zteam.team.file.reading import read_team_file
+        from zteam.team.file.sources import describe_arguments
+
+        rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
+        header = ("argument", "default", "read at")
+        print_block(format_table(header, rows) if rows else f"{args.team} takes no arguments")
         return 0
     if args.compose:
         from zteam.team.launch.apart import compose_file
 
-        print_block(
-            compose_file(_launch(args), [args.team, *args.arguments], is_shipped=_is_shipped(args.team)).rstrip()
-        )
+        is_shipped = find_team(args.team).parent == teams_folder()
+        print_block(compose_file(_launch(args), [args.team, *args.arguments], is_shipped=is_shipped).rstrip())
         return 0
     if args.only is not None:
         from zteam.team.launch.apart import become
@@ -192,26 +158,13 @@ def _up(args: argparse.Namespace) -> int:
         bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
         become(launch, args.only, node_environment(bus))
     if args.in_process:
-        return _run_here(_launch(args), bus_options(args), args)
+        return _run(_launch(args), bus_options(args), args, None)
     from zteam.team.launch.warm_parent import WarmParent
 
     with closing(WarmParent()) as parent:
         # It imports while the team is checked.
         parent.prepare()
-        return _start_processes(_launch(args), bus_options(args), args, parent)
-
-
-def _is_shipped(team: str) -> bool:
-    return find_team(team).parent == teams_folder()
-
-
-def _print_arguments(args: argparse.Namespace) -> None:
-    from zteam.cli.tables import format_table
-    from zteam.team.file.reading import read_team_file
-    from zteam.team.file.sources import describe_arguments
-
-    rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
-    print_block(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
+        return _run(_launch(args), bus_options(args), args, parent)
 
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
@@ -250,7 +203,8 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     return launch
 
 
-def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
+def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent | None") -> int:
+    """Run the team as processes of `parent`, or without one in this process, with the same lines."""
     from zteam.cli.up_display import open_display
     from zteam.node.shutdown import Stop
     from zteam.team.run.processes import Processes
@@ -259,75 +213,53 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        links = None
-        if args.chaos is not None:
-            # It imports asyncio, and few teams have links of their own.
-            from zteam.team.chaos.links import Links
+        if parent is None:
+            from zteam.node.logs import passing_lines
+            from zteam.team.run.threads import Threads
 
-            links = stack.enter_context(closing(Links()))
-        members = Processes(
-            bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
-        )
-        team_run = stack.enter_context(TeamRun(members, launch, stop))
-        stop.install(on_repeat=team_run.hurry, hung=None)
-        processes = counted(len(team_run.plan.jobs), "process", "processes")
+            # From the first `breakpoint()` on a debugger has the terminal. A hook of `breakpoint` itself would show up
+            # in its stack.
+            sys.addaudithook(lambda event, _: display.leave_terminal() if event == "builtins.breakpoint" else None)
+            stack.enter_context(passing_lines(display.line))
+            # After a second request nothing waits. Code of a behaviour that does not return holds the whole process.
+            stack.enter_context(stop.install(on_repeat=lambda: os._exit(INTERRUPTED), hung=1))
+            threads = Threads(None, bus if args.bus else None, stop, on_line=display.line)
+            team_run, hangs = stack.enter_context(TeamRun(threads, launch, stop)), threads.hangs
+            what = f"{counted(len(threads.parts), 'node')} in this process"
+        else:
+            links = None
+            if args.chaos is not None:
+                # It imports asyncio, and few teams have links of their own.
+                from zteam.team.chaos.links import Links
+
+                links = stack.enter_context(closing(Links()))
+            processes = Processes(
+                bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
+            )
+            team_run, hangs = stack.enter_context(TeamRun(processes, launch, stop)), processes.hangs
+            stop.install(on_repeat=team_run.hurry, hung=None)
+            what = counted(len(team_run.plan.jobs), "process", "processes")
+        work = partial(_drive, team_run, display, args, what)
         try:
-            report = _run(team_run, display, args, processes)
+            if parent is None:
+                team_run.open()
+                report = threads.beside_simulator(work)
+            else:
+                report = work()
         except ZteamError:
             if not stop.requested:
                 raise
             return 0
-    return _conclude(team_run, report, stop, args.report)
+    return _conclude(team_run, report, stop, args.report, hangs.values())
 
 
-def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
-    """Run the whole team in this process, with the same lines as with one process each."""
-    from zteam.cli.up_display import open_display
-    from zteam.node.logs import passing_lines
-    from zteam.node.shutdown import Stop
-    from zteam.team.run.team_run import TeamRun
-    from zteam.team.run.threads import Threads
-
-    stop = Stop()
-    with open_display(args.log_format, args.run_for) as display:
-        _give_terminal_to_debugger(display)
-        members = Threads(None, bus if args.bus else None, stop, on_line=display.line)
-        with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
-            # After a second request nothing waits. Code of a behaviour that does not return holds the whole process.
-            signals = stop.install(on_repeat=lambda: os._exit(INTERRUPTED), hung=1)
-            nodes = counted(len(members.parts), "node")
-            work = partial(_run, team_run, display, args, nodes, " in this process")
-            try:
-                team_run.open()
-                report = members.beside_simulator(work)
-            except ZteamError:
-                if not stop.requested:
-                    raise
-                return 0
-        signals.close()
-    return _conclude(team_run, report, stop, args.report, members.hangs.values())
-
-
-def _give_terminal_to_debugger(display: "RunDisplay") -> None:
-    """Draw no live line from the first `breakpoint()` on. A hook of `breakpoint` itself would show up in its stack."""
-
-    def hear(event: str, _arguments: object) -> None:
-        if event == "builtins.breakpoint":
-            display.leave_terminal()
-
-    sys.addaudithook(hear)
-
-
-def _run(
-    team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, members: str, place: str = ""
-) -> "RunReport | None":
+def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, what: str) -> "RunReport | None":
     from zteam.team.run.processes import warn_of_endpoint
 
-    display.say(f"starting {members}")
+    display.say(f"starting {what}")
     team_run.start()
     endpoint = team_run.members.endpoint
-    where = f"router at {endpoint}" if endpoint else "without a router"
-    log.info("%s%s, %s; Ctrl+C stops them", members, place, where)
+    log.info("%s, %s; Ctrl+C stops them", what, f"router at {endpoint}" if endpoint else "without a router")
     if args.secure is not None:
         log.info("for tools: %s", _tool_environment(args.secure, endpoint))
     elif endpoint:
@@ -353,7 +285,7 @@ def _tool_environment(certificates: Path, endpoint: str) -> str:
 
 
 def _conclude(
-    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str] = ()
+    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str]
 ) -> int:
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, with
     the texts of those that hang, or if a robot moved on without commands."""

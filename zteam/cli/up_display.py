@@ -71,32 +71,25 @@ def bar(share: float, width: int) -> str:
     return f"[{'#' * filled}{'-' * (width - 2 - filled)}]"
 
 
-class Printer:
-    """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
-
-    def __init__(self, write: Callable[[str], None]) -> None:
-        self._write = write
-        self._lock = threading.Lock()
-        self._color = has_color(sys.stdout)
-        self._seen: dict[str, int] = {}
-
-    def line(self, name: str, text: str) -> None:
-        with self._lock:
-            number = self._seen.setdefault(name, len(self._seen))
-            color = _COLORS[number % len(_COLORS)]
-            prefix = painted(f"[{name}]", color) if self._color else f"[{name}]"
-            # The name once: a line of a log has it too. A traceback of a node in this process has many lines.
-            for part in _OWN_COLORS.sub("", text).replace(f" [{name}]", "", 1).split("\n"):
-                self._write(Clean(f"{prefix} {printable(part, _TAB)}"))
-
-
 class RunDisplay:
     """Prints the lines of the processes, and reports how the team does: on a live line below them, or without one, of a
     run with an end, in a log line now and then. `run_for` is simulated seconds from GO."""
 
     def __init__(self, run_for: float | None, live: LiveLine | None = None) -> None:
         self._run_for, self._live = run_for, live
-        self.line = Printer(self.print).line
+        self._lock = threading.Lock()
+        self._has_color = has_color(sys.stdout)
+        self._seen: dict[str, int] = {}
+        """The processes, in the order of their first lines."""
+
+    def line(self, name: str, text: str) -> None:
+        """Print what a process has printed, after its name; coloured on a terminal."""
+        with self._lock:
+            number = self._seen.setdefault(name, len(self._seen))
+            prefix = painted(f"[{name}]", _COLORS[number % len(_COLORS)]) if self._has_color else f"[{name}]"
+            # The name once: a line of a log has it too. A traceback of a node in this process has many lines.
+            for part in _OWN_COLORS.sub("", text).replace(f" [{name}]", "", 1).split("\n"):
+                self.print(Clean(f"{prefix} {printable(part, _TAB)}"))
 
     def print(self, line: str) -> None:
         (print_line if self._live is None else self._live.print)(line)

@@ -17,7 +17,7 @@ from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.node.output import print_json, print_line
-from zteam.simulator.world import Ranger, Robot, World, load_world
+from zteam.simulator.world import Robot, World, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
 from zteam.simulator.world.placing import find_misplaced
@@ -39,11 +39,6 @@ def build_parser() -> Parser:
     add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
     pose, text = (-1e6, 1e6, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
     add_option(scan, "--pose", typed=pose, nargs=3, metavar=("X", "Y", "YAW_DEG"), help=text)
-    text = "use one laser with so many beams, instead of the robot's own"
-    add_option(scan, "--beams", typed=(1, 100_000, "beams"), help=text)
-    text = "field of view of that laser, degrees"
-    add_option(scan, "--fov-deg", typed=(1e-3, 360.0, "degrees"), help=text)
-    add_option(scan, "--range", typed=(1e-3, 1e6, "metres"), metavar="M", help="maximum range of that laser")
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
@@ -66,30 +61,31 @@ def _check(args: argparse.Namespace, world: World) -> None:
     print_line(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
-        print_line(f"  floor plan {plan['name']:18} {columns} x {rows} cells, {w:g} x {h:g} m")
+        _print_row("floor plan", plan["name"], f"{columns} x {rows} cells, {w:g} x {h:g} m")
     for obstacle in summary["obstacles"]:
-        x, y, yaw = obstacle["pose"]
-        kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
-        print_line(f"  {kind} {obstacle['name']:18} at {_place(x, y, yaw)}, {counted(obstacle['shapes'], 'shape')}")
+        kind = "obstacle" if obstacle["mass"] is None else "pushable"
+        _print_row(kind, obstacle["name"], f"at {_place(obstacle)}, {counted(obstacle['shapes'], 'shape')}")
     for robot in summary["robots"]:
-        x, y, yaw = robot["pose"]
-        lasers = ", ".join(robot["sensors"]) or "no sensors"
-        print_line(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
-              f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
+        sensors = ", ".join(robot["sensors"]) or "no sensors"
+        text = f"at {_place(robot)}: {robot['model']}, {robot['drive']}, {sensors}"
+        _print_row(f"robot {robot['id']}", robot["name"], text)
     for base in summary["bases"]:
-        print_line(f"  base       {base['model']:18} {_footprint_text(base)}")
+        _print_row("base", base["model"], _footprint_text(base))
         if limits := _limits_text(base):
-            print_line(f"{'':32}{limits}")
+            _print_row("", "", limits)
     warnings = summary["warnings"]
     print_line(*warnings)
-    counts = [
-        counted(len(things), noun)
-        for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
-    ]
-    print_line(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
+    nouns = {"robot": world.robots, "obstacle": world.obstacles, "floor plan": world.floorplans}
+    counts = ", ".join(counted(len(things), noun) for noun, things in nouns.items())
+    print_line(f"{counts}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
 
 
-def _place(x: float, y: float, yaw_deg: float) -> str:
+def _print_row(kind: str, name: str, text: str) -> None:
+    print_line(f"  {kind:10} {name:18} {text}")
+
+
+def _place(thing: dict[str, Any]) -> str:
+    x, y, yaw_deg = thing["pose"]
     return f"{x:z.3f} {y:z.3f}, {yaw_deg:z.1f}°"
 
 
@@ -205,10 +201,20 @@ def _scan(args: argparse.Namespace, world: World) -> None:
     if args.pose is not None:
         x, y, yaw_deg = args.pose
         robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
-    robots[args.robot] = msgspec.structs.replace(robot, rangers=_rangers(args, robot))
+    robots[args.robot] = robot
     seen = Engine(world, robots=robots).observe().robots[args.robot]
-    pairs = zip(seen.robot.rangers, seen.readings, strict=True)
-    lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
+    lasers = [
+        {
+            "name": ranger.name,
+            "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,
+            "angle_increment": ranger.angle_increment,
+            "range_min": ranger.range_min,
+            "range_max": ranger.range_max,
+            "ranges": reading.ranges.tolist(),
+            "intensities": reading.intensities.tolist(),
+        }
+        for ranger, reading in zip(seen.robot.rangers, seen.readings, strict=True)
+    ]
     if args.json:
         print_json({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers})
         return
@@ -219,30 +225,6 @@ def _scan(args: argparse.Namespace, world: World) -> None:
             f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
             f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}"
         )
-
-
-def _rangers(args: argparse.Namespace, robot: Robot) -> tuple[Ranger, ...]:
-    """The robot's own lasers, or the one given by options: at the place of its first laser, else on top of its base."""
-    given = args.beams, args.fov_deg, args.range
-    if given == (None, None, None):
-        return robot.rangers
-    if None in given:
-        raise UsageError("--beams, --fov-deg and --range belong together: give all three")
-    top = max((shape.z_max for shape in robot.shapes), default=0.0)
-    place = robot.rangers[0] if robot.rangers else Ranger("laser", 0.0, 0.0, top, 0.0, 0.0, 1, 0.0, 1.0)
-    return (
-        Ranger("laser", place.x, place.y, place.z, place.yaw, math.radians(args.fov_deg), args.beams, 0.0, args.range),
-    )
-
-
-def _laser(ranger: Ranger) -> dict[str, Any]:
-    return {
-        "name": ranger.name,
-        "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,
-        "angle_increment": ranger.angle_increment,
-        "range_min": ranger.range_min,
-        "range_max": ranger.range_max,
-    }
 
 
 main = partial(run_tool, build_parser, _run)

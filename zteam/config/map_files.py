@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
@@ -67,22 +68,24 @@ def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
 
 
 class MapFile(msgspec.Struct, frozen=True):
-    """What a YAML file says. Raises ValueError for thresholds that do not fit."""
+    """What a YAML file says. Raises KeyValueError for an origin too far away, and thresholds that do not fit."""
 
     image: Annotated[str, msgspec.Meta(min_length=1)]
-    """The picture beside the file."""
+    """The name of the picture beside it."""
     resolution: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_RESOLUTION)]
     """Metres a cell."""
-    origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Pose in `map` of the lower left corner of the first cell."""
+    origin: Pose2 = Pose2(0.0, 0.0, 0.0)
+    """In `map`, of the lower left corner of the first cell."""
     mode: Mode = "trinary"
-    occupied_thresh: float = 0.65
-    free_thresh: float = 0.25
+    occupied_thresh: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.65
+    free_thresh: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.25
     negate: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.free_thresh < self.occupied_thresh <= 1.0:
-            raise ValueError("free_thresh, occupied_thresh: give two shares from 0 to 1, the first one below the other")
+        if not all(abs(part) <= FAR for part in self.origin):
+            raise KeyValueError("origin", f"x, y and yaw are numbers up to {FAR:g}")
+        if self.free_thresh >= self.occupied_thresh:
+            raise KeyValueError("free_thresh", f"it is below occupied_thresh ({self.occupied_thresh:g})")
 
 
 class FloorMap(NamedTuple):
@@ -120,7 +123,7 @@ def read_floor_map(path: Path) -> FloorMap:
     cells = interpret(read_channels(path.parent / file.image, alpha=True), file)
     # A raw picture has the occupancy in percent.
     occupied = cells > 100.0 * file.occupied_thresh if file.mode == "raw" else cells == OCCUPIED
-    found = FloorMap(cells, occupied, file.resolution, Pose2(*file.origin))
+    found = FloorMap(cells, occupied, file.resolution, file.origin)
     if max(found.size) > FAR:
         raise WorldError(f"{path}: resolution: {file.resolution:g} m makes a map larger than {FAR:g} m")
     return found
@@ -129,14 +132,10 @@ def read_floor_map(path: Path) -> FloorMap:
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
     fields = read_yaml(path, "map", MAX_BYTES, WorldError)
-    if not isinstance(fields, dict):
-        raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
-    try:
-        # Not strict: YAML 1.1 reads 1e-2 as a text.
-        file = msgspec.convert(fields, MapFile, strict=False)
-    except msgspec.ValidationError as error:
-        text, at, key = str(error).rpartition(" - at `$.")
-        raise WorldError(f"{path}: {key.strip('`')}{': ' if at else ''}{text}") from None
+    # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
+    for problem in problems_of(fields, MapFile, strict=False):
+        raise WorldError(f"{path}: {problem}")
+    file = msgspec.convert(fields, MapFile, strict=False)
     if existing_file(image := path.parent / file.image) is None:
         raise WorldError(f"{path}: image: there is no {image}")
     return file

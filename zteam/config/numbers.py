@@ -3,14 +3,14 @@
 A typed number has bounds: a number that is too large would fail far from the place where it was typed.
 """
 
-import math
 from collections.abc import Iterable
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 
 from zteam.errors import UsageError
 
+N = TypeVar("N", int, float)
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Count = Annotated[int, msgspec.Meta(ge=1)]
 MAX_SECONDS = 1e9
@@ -23,34 +23,18 @@ def shown(text: str) -> str:
     return repr(word if len(word) <= 24 else f"{word[:24]}…")
 
 
-def parse_number(text: str, low: float, high: float, what: str) -> float:
-    """The number from `low` to `high` that a user typed. Raises UsageError that asks for `what`."""
+def parse_number(text: str, low: N, high: N, what: str) -> N:
+    """The number from `low` to `high` that a user typed, a whole one if these are. Raises UsageError, which asks for
+    `what`."""
+    form = "d" if isinstance(low, int) else "g"
     try:
-        value = float(text)
+        value = type(low)(text)
+        if low <= value <= high:
+            return value
     except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise UsageError(f"{shown(text)}: give {what} from {low:g} to {high:g}")
-    return value
-
-
-def parse_whole(text: str, low: int, high: int, what: str) -> int:
-    """The whole number from `low` to `high` that a user typed. Raises UsageError that asks for `what`."""
-    word = text.strip()
-    digits = word.removeprefix("-")
-    # More digits than the bounds have are refused before int(), which is slow for thousands of digits.
-    is_whole = digits.isascii() and digits.isdigit() and len(digits.lstrip("0")) <= len(str(max(abs(low), abs(high))))
-    if not is_whole or not low <= int(word) <= high:
-        raise UsageError(f"{shown(text)}: give {what} from {low} to {high}")
-    return int(word)
-
-
-def is_number(text: str, limit: float = math.inf) -> bool:
-    """Whether `text` is a number of magnitude `limit` at most; NaN is none."""
-    try:
-        return abs(float(text)) <= limit
-    except ValueError:
-        return False
+        # Also a number of thousands of digits.
+        pass
+    raise UsageError(f"{shown(text)}: give {what} from {low:{form}} to {high:{form}}")
 
 
 def counted(count: float, noun: str, plural: str = "") -> str:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import reprlib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any, NamedTuple, get_args
@@ -44,27 +45,34 @@ class Problem(NamedTuple):
 
 
 def problems_of(
-    table: Any, kind: type[msgspec.Struct], path: KeyPath = (), *, takes: str = "known:", near: Iterable[str] = ()
+    table: Any,
+    kind: type[msgspec.Struct],
+    path: KeyPath = (),
+    *,
+    takes: str = "known:",
+    near: Iterable[str] = (),
+    strict: bool = True,
 ) -> list[Problem]:
     """Every mistake in the keys of `table`, which is at `path` in its file.
 
     `takes` introduces the list of known keys in a message; `near` are further words that an unknown key may stand for.
+    Unless it is `strict`, a text may stand for a number, as in msgspec.
     """
     if not isinstance(table, Mapping):
-        return [Problem(path, f"a table is expected, not {table!r}")]
+        return [Problem(path, f"a table is expected, not {_shown(table)}")]
     fields = _fields_of(kind)
     found = []
     for key, value in table.items():
         if key in fields:
             inner = fields[key].type
-            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key))
+            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key), strict=strict)
         elif kind.__struct_config__.forbid_unknown_fields:
             listed = f"{takes} {', '.join(fields) or 'no parameters'}"
             found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
     for name, field in fields.items():
         if field.required and name not in table:
             found.append(Problem(path, f"the key {name} is missing"))
-    return found or _problem(table, kind, path)
+    return found or _problem(table, kind, path, strict=strict)
 
 
 @cache
@@ -81,9 +89,9 @@ def _is_table(kind: Any) -> bool:
     return config.tag is None and not config.array_like
 
 
-def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
+def _problem(value: Any, kind: Any, path: KeyPath, *, strict: bool) -> list[Problem]:
     try:
-        msgspec.convert(value, kind)
+        msgspec.convert(value, kind, strict=strict)
     except msgspec.ValidationError as error:
         text, at, place = " ".join(str(error).split()).rpartition(" - at `")
         inner = [int(index) if index else name for name, index in _STEP.findall(place)] if at else []
@@ -117,7 +125,9 @@ def _in_words(text: str, value: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = json.dumps(value, default=str, ensure_ascii=False)
+    # Aliases of YAML make short files whose full text would fill the memory.
+    is_plain = not isinstance(value, list | dict)
+    text = json.dumps(value, default=str, ensure_ascii=False) if is_plain else reprlib.repr(value)
     return text if len(text) <= 40 else f"{text[:39]}…"
 
 

@@ -1,10 +1,8 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
-import errno
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NoReturn
 
 from zteam.errors import UsageError, did_you_mean
 
@@ -35,53 +33,36 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
-class _FileKind(NamedTuple):
-    """Files that a user names."""
-
-    what: str
-    suffix: str
-    folder: Callable[[], Path]
-    use: str
-    """How a user uses such a file, {}."""
-
-
-_WORLD = _FileKind("world", ".world", worlds_folder, "say 'zteam up --world {}' or 'zteam-sim {}'")
-_TEAM = _FileKind("team", ".toml", teams_folder, "say 'zteam up {}'")
-
-
 def find_world(text: str | Path) -> Path:
     """The world file that a user names: a path, else a shipped world. Raises UsageError with the shipped names."""
-    return _find_named(str(text), _WORLD, _TEAM)
+    text = str(text)
+    found = existing_file(Path(text)) or shipped_world(text)
+    if text.endswith(".toml") or (found is None and shipped_team(text)):
+        raise UsageError(f"world {text!r}: that is a team; say 'zteam up {text}'")
+    return found or _refuse(text, "world", worlds_folder(), ".world")
 
 
 def find_team(text: str | Path) -> Path:
     """The team file that a user names: a path, else a shipped team. Raises UsageError with the shipped names."""
-    return _find_named(str(text), _TEAM, _WORLD)
+    text = str(text)
+    found = existing_file(Path(text)) or shipped_team(text)
+    if text.endswith(".world") or (found is None and shipped_world(text)):
+        raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
+    return found or _refuse(text, "team", teams_folder(), ".toml")
 
 
-def _find_named(text: str, kind: _FileKind, other: _FileKind) -> Path:
-    found = existing_file(Path(text)) or _find(kind.folder(), text, kind.suffix)
-    if found is None or text.endswith(other.suffix):
-        raise UsageError(f"{kind.what} {text!r}: {_why_not(text, kind, other)}")
-    return found
-
-
-def _why_not(text: str, kind: _FileKind, other: _FileKind) -> str:
-    if text.endswith(other.suffix) or _find(other.folder(), text, other.suffix):
-        return f"that is a {other.what}; {other.use.replace('{}', text)}"
+def _refuse(text: str, what: str, folder: Path, suffix: str) -> NoReturn:
     if text and is_folder(Path(text)):
-        return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
+        raise UsageError(f"{what} {text!r}: that is a folder; name the {what} file in it (*{suffix})")
+    why = "no such file"
     try:
         Path(text).stat()
-    except OSError as error:
-        if error.errno in (errno.EACCES, errno.ELOOP) or (error.errno == errno.ENOENT and Path(text).is_symlink()):
-            return f"{error.strerror} for user id {os.geteuid()}; look at its symbolic links and permissions (ls -lL)"
-    except ValueError:
-        # With a NUL.
-        pass
-    known = names(kind.folder(), kind.suffix)
-    hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
-    return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
+    except (OSError, ValueError) as error:
+        # Also a circle of symbolic links, a folder that may not be read, and a NUL.
+        why = getattr(error, "strerror", None) or str(error)
+    known = names(folder, suffix)
+    hint = did_you_mean(text.removesuffix(suffix), known, form="; did you mean {}?")
+    raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
 def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:

@@ -18,8 +18,7 @@ import zenoh
 from studies.launching import LIMIT, launch
 from zteam import names
 from zteam.bus.options import BusOptions, client_config, open_session
-from zteam.cli.bench import figure
-from zteam.cli.bench_team import measure_team
+from zteam.cli.bench import figure, measure_team
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.team.launch.process import Job
@@ -55,7 +54,7 @@ class FloorFigures(msgspec.Struct):
 
 def measure_floor(world: Path, robots: int, beams: int, seconds: float) -> FloorFigures:
     """Run a line of robots (`zteam bench team`), then the exchange of its messages. Raises ZteamError."""
-    rtf = measure_team(world, robots, beams, seconds).rtf
+    rtf = measure_team(world, robots, beams, seconds)["rtf"]
     if not rtf:
         raise ZteamError("the team was over before GO: give more --seconds")
     floor = _exchange(robots, beams) * load_world(world).interval / 1e9

@@ -4,7 +4,7 @@ import pytest
 
 from support.commands import Printed, Run, run_here
 from zteam.bus import MemoryHub, graph
-from zteam.cli import listening, tf, topic
+from zteam.cli import listening, tf
 
 
 @pytest.fixture
@@ -24,6 +24,6 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 def tools(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     """Tools find the bus of the test. Surveys are short: what is there was published before."""
     monkeypatch.setattr(listening, "connect", lambda *_, **__: hub.bus())
-    for module in (graph, listening, tf, topic):
+    for module in (graph, listening, tf):
         monkeypatch.setattr(module, "SURVEY", 0.02)
     return hub

@@ -8,13 +8,12 @@ import msgspec
 import pytest
 
 from support.commands import command_of, exit_code
-from zteam.cli import bench, node
+from zteam.cli import bench, node, processes
 from zteam.cli.main import COMMANDS, main
 from zteam.cli.options import Parser, add_options, parse_speed, read_options
-from zteam.cli.processes import parse_team
 from zteam.config.option import option
 from zteam.config.simulation_options import LockStepOptions, Options
-from zteam.node.process_options import AggregatorOptions, ViewOptions
+from zteam.node.process_options import AggregatorOptions, MonitorOptions, ViewOptions
 
 
 def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
@@ -31,7 +30,7 @@ def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]
         ("up", "", {"team": "line", "seed": None, "run_for": None, "speed": None}),
         ("teleop", "--id 0", {"speed": 0.5, "turn": 1.0}),
         ("topic", "pub key Bool", {"rate": 1.0, "times": None, "clock": "auto"}),
-        ("topic", "hz key", {"window": 100, "clock": "wall"}),
+        ("topic", "hz key", {"clock": "wall"}),
         ("bench", "team", {"robots": 4, "beams": 1081, "seconds": 60.0, "world": "office", "log_level": "warning"}),
         ("bench", "sim arena", {"robots": 20, "fov_deg": 270.0, "range": 30.0}),
         ("zteam-sim", "arena", {"log_level": "info", "log_format": "text"}),
@@ -66,17 +65,14 @@ def test_the_environment_sets_the_log(monkeypatch: pytest.MonkeyPatch, capsys: p
 
 
 @pytest.mark.parametrize(
-    ("size", "ids", "team"),
-    [
-        (4, None, (4, None)),
-        (None, ["0", "2", "7"], (3, (0, 2, 7))),
-        (4, ["0,2-4"], (4, (0, 2, 3, 4))),
-        (None, None, (0, None)),
-    ],
+    ("words", "team"), [("--team-size 4", (4, None)), ("--ids 0 2-3", (3, (0, 2, 3))), ("", (0, None))]
 )
-def test_the_team_that_a_monitor_waits_for(size: int | None, ids: list[str] | None, team: tuple[int, Any]) -> None:
-    """A number, a list, or both if they agree; size 0, to look at the monitor that runs, without either."""
-    assert parse_team(size, ids) == team
+def test_the_team_that_a_monitor_waits_for(words: str, team: tuple[int, Any]) -> None:
+    """A number or a list; size 0, to look at the monitor that runs, without either."""
+    args = processes.build_parser("zteam-monitor").parse_args(words.split())
+    options = processes.read("zteam-monitor", args)[1]()
+    assert isinstance(options, MonitorOptions)
+    assert (options.team_size, options.ids) == team
 
 
 def test_a_speed_is_a_number_or_max() -> None:

@@ -19,7 +19,7 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.cli.doctor import format_findings
 from zteam.cli.options import fail
-from zteam.cli.up_display import Printer
+from zteam.cli.up_display import RunDisplay
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
@@ -95,7 +95,7 @@ def test_no_text_of_a_team_reaches_the_terminal_as_it_is(
             json.loads(line)
 
 
-@examples(300)
+@examples(100)
 @given(st.lists(texts))
 def test_a_line_is_one_line(lines: list[str]) -> None:
     """Whatever is printed; what is ready for the terminal comes as it is."""
@@ -109,7 +109,7 @@ def test_a_line_is_one_line(lines: list[str]) -> None:
     assert out.getvalue() == f"{ready}\n"
 
 
-@examples(300)
+@examples(100)
 @given(st.recursive(texts, lambda inner: st.lists(inner) | st.dictionaries(texts, inner)))
 def test_json_is_the_same_value_in_harmless_characters(value: object) -> None:
     """Scripts get what was sent, in one line."""
@@ -122,10 +122,10 @@ def test_json_is_the_same_value_in_harmless_characters(value: object) -> None:
     assert_harmless(out.getvalue())
 
 
-def test_what_children_and_nodes_print_is_shown_line_by_line() -> None:
+def test_what_children_and_nodes_print_is_shown_line_by_line(capsys: pytest.CaptureFixture[str]) -> None:
     """`zteam up` shows the lines of processes and of nodes in its own process with their names, and nothing else."""
-    shown: list[str] = []
-    Printer(shown.append).line("tf", f"12:00:00 [tf] {EVIL}\tend")
+    RunDisplay(None).line("tf", f"12:00:00 [tf] {EVIL}\tend")
+    shown = capsys.readouterr().out.splitlines()
     assert [line[:5] for line in shown] == ["[tf] ", "[tf] "]
     assert_harmless("\n".join(shown))
     assert shown[-1].endswith("\tend")

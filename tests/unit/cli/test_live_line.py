@@ -16,7 +16,7 @@ import pytest
 from support.terminal import Screen
 from zteam.cli.doctor import format_findings
 from zteam.cli.log import format_line
-from zteam.cli.up_display import Printer
+from zteam.cli.up_display import RunDisplay
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.display import Row, showing
@@ -185,7 +185,8 @@ def test_no_command_has_colours_where_they_are_not_wanted(
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setattr(sys, "stdout", terminal.stream)
     shown: list[str] = []
-    Printer(shown.append).line("robot_0", "ready")
+    monkeypatch.setattr(RunDisplay, "print", lambda _display, line: shown.append(line))
+    RunDisplay(None).line("robot_0", "ready")
     shown.append(format_line(LogLine(1, "robot_0", LogLevel.ERROR, "no", "f", "f", 1), has_color(sys.stdout)))
     shown.append(format_findings([problem("world", "stands", "go")], has_color(sys.stdout)))
     with showing(MonitorOptions(1)) as output:

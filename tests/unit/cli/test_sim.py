@@ -1,9 +1,7 @@
 """`zteam sim` with a scripted simulator: its requests and its output."""
 
-import io
 import json
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -14,7 +12,7 @@ from zteam.bus import MemoryHub
 from zteam.cli import listening, sim
 from zteam.node.live_line import ProgressLine
 from zteam.simulator import client as simulator
-from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
+from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.simulator.process.pacing import Pacer
 
 
@@ -115,7 +113,6 @@ def test_a_finished_run_does_not_resume(desk: ControlHarness, run: Run) -> None:
 def test_a_long_step_reports_its_progress(desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     """The progress goes to stderr and names Ctrl+C; standard output has only the reply."""
     monkeypatch.setattr(simulator, "LOOK", 0.01)
-    monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
     show = ProgressLine.show
 
@@ -127,7 +124,7 @@ def test_a_long_step_reports_its_progress(desk: ControlHarness, monkeypatch: pyt
     monkeypatch.setattr(ProgressLine, "show", show_and_free)
     said = run("zteam sim step 400 --json")
     assert json.loads(said.out)["tick"] == 401
-    assert "of 400 ticks, now at 0.001 s (tick 1), real-time factor 1 (Ctrl+C pauses)" in said.err.splitlines()[0]
+    assert "at 0.001 s (tick 1), real-time factor 1 (Ctrl+C pauses)" in said.err.splitlines()[0]
 
 
 def test_an_interrupted_step_pauses_the_world(desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
@@ -136,36 +133,8 @@ def test_an_interrupted_step_pauses_the_world(desk: ControlHarness, monkeypatch:
     def interrupt(_progress: object, _text: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sim, "PATIENCE", 0.0)
     monkeypatch.setattr(ProgressLine, "show", interrupt)
     assert "paused at" in run("zteam sim step 1000000000", 130).err
     status = SimulatorClient(desk.bus).stand(ASKED).status
     assert status.paused
     assert status.tick < 1000000000
-
-
-class CallbackOutput(io.StringIO):
-    """An output stream that calls a function at each write."""
-
-    def __init__(self, on_write: Callable[[], None]) -> None:
-        super().__init__()
-        self._on_write = on_write
-
-    def write(self, text: str) -> int:
-        self._on_write()
-        return super().write(text)
-
-
-def test_a_long_change_reports_what_it_waits_for(
-    desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
-    """A change that waits for the end of a tick names the command that shows the reason."""
-    monkeypatch.setattr(sim, "PATIENCE", 0.05)
-    desk.free.clear()
-    desk.ask_aside("step", SimStatus, StepRequest(1))
-    desk.wait_for_tick(2)
-    stderr = CallbackOutput(desk.free.set)
-    monkeypatch.setattr(sys, "stderr", stderr)
-    run("zteam sim remove 3")
-    assert "'zteam sim status' names what it waits for" in stderr.getvalue()
-    assert desk.world.made == [("remove 3", 2)]

@@ -11,7 +11,7 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.cli import up_display
 from zteam.cli.tables import duration_text
-from zteam.cli.up_display import Printer, bar, open_display, progress_line
+from zteam.cli.up_display import RunDisplay, bar, open_display, progress_line
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.simulator.client import SimStatus
 from zteam.team.launch.progress import Overview, TeamOverview
@@ -127,11 +127,11 @@ def colours(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
-    """The output of a Printer for (process, line) pairs."""
+    """The output for (process, line) pairs."""
     monkeypatch.setattr("sys.stdout", output)
-    printer = Printer(print)
+    display = RunDisplay(None)
     for name, line in lines:
-        printer.line(name, line)
+        display.line(name, line)
     return output.getvalue()
 
 

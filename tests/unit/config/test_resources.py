@@ -36,9 +36,9 @@ def test_a_path_comes_before_a_shipped_file(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.parametrize("name", ["lien", "", "x" * 5000, "a\0b"])
 def test_an_unknown_name_lists_the_shipped_ones(name: str) -> None:
     """One error, also for a text that no file can have as its name."""
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
+    with pytest.raises(UsageError, match=r": .+, nor a shipped team \(.*line.*\)"):
         resources.find_team(name)
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped world \(.*arena.*\)"):
+    with pytest.raises(UsageError, match=r": .+, nor a shipped world \(.*arena.*\)"):
         resources.find_world(name)
 
 
@@ -59,7 +59,7 @@ def test_a_link_that_leads_to_no_file_is_named_as_such(tmp_path: Path, monkeypat
     for name in ("a.toml", "a.toml/c.toml"):
         with pytest.raises(UsageError, match=f"^team '{name}': Too many levels of symbolic links"):
             resources.find_team(name)
-    with pytest.raises(UsageError, match=r"^world 'gone.world': No such file or directory for"):
+    with pytest.raises(UsageError, match=r"^world 'gone.world': No such file or directory, nor"):
         resources.find_world("gone.world")
 
 
@@ -90,7 +90,7 @@ def test_the_copies_in_a_wheel_come_first(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_folder_that_one_may_not_read_is_named_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error says who may not read it, and not that there is no file."""
+    """The error does not say that there is no file."""
     closed, usual = tmp_path / "team.toml", Path.stat
 
     def stat(path: Path, **options: bool) -> os.stat_result:
@@ -99,7 +99,7 @@ def test_a_folder_that_one_may_not_read_is_named_as_one(tmp_path: Path, monkeypa
         return usual(path, **options)
 
     monkeypatch.setattr(Path, "stat", stat)
-    with pytest.raises(UsageError, match=rf"team.toml': Permission denied for user id {os.geteuid()}"):
+    with pytest.raises(UsageError, match=r"team.toml': Permission denied, nor"):
         resources.find_team(closed)
 
 

@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.config.fault import KINDS, Fault, FaultKind
-from zteam.config.numbers import counted, parse_whole
+from zteam.config.numbers import counted, parse_number
 from zteam.config.problems import Problem, problems_of
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import stream, uniform
@@ -100,7 +100,7 @@ def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, l
         return plan
     if seconds is None:
         raise UsageError(f"a plan of seed {text} needs an end: say --for SECONDS")
-    seed = parse_whole(text, 0, MAX_SEED, "the seed of a plan")
+    seed = parse_number(text, 0, MAX_SEED, "the seed of a plan")
     if lockstep:
         robots = [name for name in processes if names.robot_id_of(name) is not None]
         return random_plan(seed, seconds, robots, KINDS[1:])

@@ -1,4 +1,4 @@
-"""The contents of a team file as structs, and the messages that they become."""
+"""The contents of a team file as structs, each with the rules for its own keys, and the messages that they become."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -6,8 +6,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from zteam import names
+from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
-from zteam.geometry import Pose2, quaternion_from_rpy
+from zteam.config.toml_values import toml_text
+from zteam.geometry import Pose2, quaternion_from_rpy, turn_problem
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.messages.base import BaseOverride
 
@@ -57,6 +59,35 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     params: dict[str, Any] = {}
     """Every other key of the table: the parameters of the behaviour, which the behaviour checks."""
 
+    def __post_init__(self) -> None:
+        if (self.model is None) != (self.pose is None):
+            text = "model and pose go together (they add a robot that the world lacks); give both or neither"
+            raise KeyValueError("pose" if self.model is None else "model", text)
+        if self.pose is not None:
+            if not all(map(math.isfinite, self.pose)):
+                raise KeyValueError("pose", "give finite x, y, yaw")
+            if text := turn_problem(self.pose.yaw):
+                raise KeyValueError("pose", f"yaw {text}")
+        for key, value in self.params.items():
+            if not key.isidentifier():
+                raise KeyValueError(key, "cannot be a parameter; use letters, digits and '_'")
+            try:
+                toml_text(value)
+            except TypeError:
+                text = "a parameter is a number, text, true, false, or an array or table of such"
+                raise KeyValueError(key, text) from None
+        self._check_follow()
+
+    def _check_follow(self) -> None:
+        if self.follow is None and self.behavior == "follow":
+            raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
+        if "leader" in self.params and (self.follow is not None or self.behavior is None):
+            raise KeyValueError("leader", "a robot that follows names its leader by follow = ID; drop the other key")
+        if self.follow is not None and self.behavior not in (None, "follow"):
+            raise KeyValueError("follow", f"both follow and behavior = {toml_text(self.behavior)}; keep one of them")
+        if self.follow == self.id:
+            raise KeyValueError("follow", f"robot {self.id} cannot follow itself; name another robot")
+
 
 class NodeEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One [[nodes]] table: a user's own process as a member of the team."""
@@ -88,6 +119,25 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     qz: float | None = None
     qw: float | None = None
 
+    def __post_init__(self) -> None:
+        if len({"", names.strip_slash(self.parent), names.strip_slash(self.child)}) < 3:
+            raise KeyValueError("child", "must be the name of another frame than parent")
+        for name in ("x", "y", "z", "yaw", "pitch", "roll"):
+            if not math.isfinite(getattr(self, name)):
+                raise KeyValueError(name, f"{getattr(self, name)} is no number to place a frame with")
+            if len(name) > 1 and (text := turn_problem(getattr(self, name))):
+                raise KeyValueError(name, text)
+        given = self.quaternion
+        # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.
+        is_turn = len(given) == 4 and 0.9 < math.hypot(*given) < 1.1
+        if given and (not is_turn or self.yaw or self.pitch or self.roll):
+            raise KeyValueError("qw", "belongs to all of qx, qy, qz, qw with a length of 1, without yaw, pitch, roll")
+
+    @property
+    def quaternion(self) -> list[float]:
+        """Its qx, qy, qz, qw; empty if it has none."""
+        return [part for part in (self.qx, self.qy, self.qz, self.qw) if part is not None]
+
 
 GRANTS = ("teleop", "goals", "simulation", "parameters", "processes", "transforms", "release")
 """What a certificate may do beyond its process's part in the team (`team.security.access`)."""
@@ -118,17 +168,12 @@ class Team(msgspec.Struct, frozen=True):
         return (entry.restart or self.team.restart) == "on-failure"
 
 
-DEFAULT_BEHAVIOR = "forward"
-DEFAULT_WITH_NAVIGATION = "idle"
-"""A robot that has arrived stands."""
-
-
 def behavior_of(entry: RobotEntry) -> tuple[str, dict[str, Any]]:
     """The name of the behaviour that the robot runs, and its parameters."""
     if entry.follow is not None:
         return "follow", {"leader": entry.follow, **entry.params}
-    default = DEFAULT_BEHAVIOR if entry.navigation is False else DEFAULT_WITH_NAVIGATION
-    return entry.behavior or default, entry.params
+    # A robot that is navigated stands when it has arrived.
+    return entry.behavior or ("forward" if entry.navigation is False else "idle"), entry.params
 
 
 def navigation_of(entry: RobotEntry) -> dict[str, Any] | None:
@@ -140,21 +185,10 @@ def navigation_of(entry: RobotEntry) -> dict[str, Any] | None:
 
 def static_transform(entry: StaticTransform) -> TransformStamped:
     """The message that publishes it, with stamp 0 and a normalised quaternion."""
-    given = quaternion(entry)
-    if given:
-        norm = math.hypot(*given)
-        rotation = Quaternion(*(q / norm for q in given))
-    else:
-        rotation = Quaternion(*quaternion_from_rpy(entry.roll, entry.pitch, entry.yaw))
+    norm = math.hypot(*entry.quaternion)
+    given = [part / norm for part in entry.quaternion] or quaternion_from_rpy(entry.roll, entry.pitch, entry.yaw)
     return TransformStamped(
         Header(frame_id=names.strip_slash(entry.parent)),
         names.strip_slash(entry.child),
-        Transform(Vector3(entry.x, entry.y, entry.z), rotation),
+        Transform(Vector3(entry.x, entry.y, entry.z), Quaternion(*given)),
     )
-
-
-def quaternion(entry: StaticTransform) -> tuple[float, float, float, float] | None:
-    """Its qx, qy, qz, qw; None unless all four are given."""
-    if entry.qx is None or entry.qy is None or entry.qz is None or entry.qw is None:
-        return None
-    return entry.qx, entry.qy, entry.qz, entry.qw

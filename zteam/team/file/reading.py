@@ -1,29 +1,50 @@
 """From the merged table of a team file to typed entries: every mistake with its file and line.
 
 One direction: files (`sources`), one table a robot (`groups`), typed entries (`entries`), the rules that they obey
-together (`rules`).
+together.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from zteam import names
 from zteam.config import resources
 from zteam.config.problems import Problem, problems_of
+from zteam.config.robot_ids import circle_from, format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
-from zteam.errors import ConfigError, did_you_mean
-from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, Security, StaticTransform, Team, TeamSection
+from zteam.errors import ConfigError, UsageError
+from zteam.team.file.entries import (
+    GRANTS,
+    NO_WORLD,
+    NodeEntry,
+    RobotEntry,
+    Security,
+    StaticTransform,
+    Team,
+    TeamSection,
+)
 from zteam.team.file.groups import Expansion
-from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_robots, check_transforms
 from zteam.team.file.sources import LISTS, Argument, Files, Mistake, Table, error_of
 
 S = TypeVar("S", bound=msgspec.Struct)
 
-KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "security", "include")
-"""Of a team file."""
+
+class Tables(msgspec.Struct, forbid_unknown_fields=True):
+    """The keys of a team file."""
+
+    robots: Annotated[list[dict[str, Any]], msgspec.Meta(min_length=1)]
+    team: dict[str, Any] = {}
+    nodes: list[dict[str, Any]] = []
+    defaults: dict[str, Any] = {}
+    static_transforms: list[dict[str, Any]] = []
+    simulation: dict[str, Any] = {}
+    security: dict[str, Any] = {}
+    include: Any = None
+    """It is read with each file."""
 
 
 class TeamFile(msgspec.Struct):
@@ -43,13 +64,9 @@ class TeamFile(msgspec.Struct):
     is_filled: bool
     """Whether none of them is missing. Otherwise that is all that is told: other values are not known."""
 
-    def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
-        """Problems of the expanded team where their keys stand."""
-        return [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
-
     def error(self, problems: Iterable[Problem]) -> ConfigError:
         """An error with one line per problem of the expanded team."""
-        return error_of(self.locate(problems))
+        return error_of(self.table.locate(problems))
 
 
 def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
@@ -84,26 +101,25 @@ def team_world(file: TeamFile) -> Path | None:
         )
     if world == NO_WORLD:
         return None
-    found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
-    if found is None:
-        known = resources.names(resources.worlds_folder(), ".world")
-        shipped = f"a shipped world ({', '.join(known)}){did_you_mean(world, known)}"
-        text = f"{world!r} is neither a file beside the team file nor {shipped}"
-        raise file.error([Problem(("team", "world"), text)])
-    return found
+    beside = file.path.parent / world
+    try:
+        return resources.existing_file(beside) or resources.shipped_world(world) or resources.find_world(beside)
+    except UsageError as error:
+        raise file.error([Problem(("team", "world"), str(error))]) from None
 
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
-    mistakes = [*files.mistakes, *_check_keys(table)]
+    problems = problems_of(table, Tables)
+    # A key that is missing may be one that is misspelt.
+    mistakes = [*files.mistakes, *table.locate(each for each in problems if each.path or len(problems) == 1)]
     ids_known = isinstance(table.get("robots"), list)
     for name in LISTS:
-        table.put(name, _tables_of(table, name, mistakes), table.place_of(name))
-    if ids_known:
-        expansion = Expansion(table)
-        ids_known = expansion.ids_known
-        mistakes += expansion.mistakes
-        table.put("robots", expansion.robots, table.place_of("robots"))
-    problems: list[Problem] = []
+        listed = table[name] if isinstance(table.get(name), list) else []
+        table.put(name, [each for each in listed if isinstance(each, Table)], table.place_of(name))
+    expansion = Expansion(table)
+    mistakes += expansion.mistakes
+    table.put("robots", expansion.robots, table.place_of("robots"))
+    problems = []
     robots = _array(table, "robots", RobotEntry, problems)
     nodes = _array(table, "nodes", NodeEntry, problems)
     transforms = _array(table, "static_transforms", StaticTransform, problems)
@@ -111,10 +127,10 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folder = table.place_of("nodes", i).source.path.parent / entry.folder
         nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
     ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
-    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
-    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    problems += _check_follows(robots, ids if ids_known and expansion.ids_known else None)
+    problems += [*_check_nodes(nodes, ids), *_check_transforms(transforms)]
     security = _section(table, "security", Security, problems)
-    problems += check_grants(security)
+    problems += _check_grants(security)
     team = Team(
         robots=list(robots.values()),
         nodes=list(nodes.values()),
@@ -125,38 +141,8 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
     )
     file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, not files.missing)
-    file.mistakes = files.missing or [*mistakes, *file.locate(problems)]
+    file.mistakes = files.missing or [*mistakes, *file.table.locate(problems)]
     return file
-
-
-def _check_keys(table: Table) -> Iterator[Mistake]:
-    """Unknown keys of the file, and a missing one; `table` gets what a misspelt key means.
-
-    So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
-    """
-    for key in [key for key in table if key not in KEYS]:
-        place = table.place_of(key)
-        yield Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}")
-        meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in table), None)
-        if meant is not None:
-            table.put(meant, table[key], place)
-    if "robots" not in table:
-        yield Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id")
-    elif table["robots"] == []:
-        yield Mistake(table.place_of("robots"), "no robot is listed: add a table [[robots]] with an id")
-
-
-def _tables_of(table: Table, name: str, mistakes: list[Mistake]) -> list[Table]:
-    """The tables of a [[name]] array."""
-    value = table.get(name, [])
-    if not isinstance(value, list):
-        text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
-        mistakes.append(Mistake(table.place_of(name), text))
-        return []
-    for i, inner in enumerate(value):
-        if not isinstance(inner, Table):
-            mistakes.append(Mistake(table.place_of(name, i), f"a table is expected, not {inner!r}"))
-    return [inner for inner in value if isinstance(inner, Table)]
 
 
 def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
@@ -174,13 +160,9 @@ def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> d
 def _section(table: Table, name: str, kind: type[S], problems: list[Problem]) -> S:
     """The correct part of a [name] table."""
     section = table.get(name, {})
-    found = problems_of(section, kind, (name,))
-    problems += found
-    wrong = {problem.path[1] for problem in found if len(problem.path) > 1}
-    if not isinstance(section, dict) or (found and not wrong):
-        return kind()
-    right = {key: value for key, value in section.items() if key not in wrong}
-    return kind() if problems_of(right, kind) else msgspec.convert(right, kind)
+    problems += problems_of(section, kind, (name,))
+    keys = section.items() if isinstance(section, dict) else ()
+    return msgspec.convert({key: value for key, value in keys if not problems_of({key: value}, kind)}, kind)
 
 
 def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
@@ -199,3 +181,53 @@ def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:
     are_numbers = [isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63) for part in command]
     words = [toml_text(part) if is_number else part for part, is_number in zip(command, are_numbers, strict=True)]
     return {**node, "command": words}
+
+
+def _check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None) -> Iterator[Problem]:
+    """Problems of leaders and followers; `ids` are all ids of the team, also those of tables with mistakes.
+
+    None: some ids could not be read.
+    """
+    leaders = {robot.id: robot.follow for robot in robots.values()}
+    circles: set[int] = set()
+    for i, robot in robots.items():
+        text = ""
+        if robot.follow is not None and ids is not None and robot.follow not in ids:
+            text = f"no robot {robot.follow} in this team (it has {format_robot_ids(ids)})"
+        elif robot.id not in circles and (circle := circle_from(robot.id, leaders)):
+            circles.update(circle)
+            text = f"robots follow each other in a circle ({' → '.join(map(str, circle))}); let one of them lead"
+        if text:
+            yield Problem(("robots", i, "follow"), text)
+
+
+def _check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterator[Problem]:
+    """Problems of the names of nodes; `ids` are the ids of the team's robots."""
+    seen: dict[str, int] = {}
+    for i, node in nodes.items():
+        text = names.name_problem(node.name)
+        if names.is_taken(node.name) or {names.robot_id_of(node.name), names.navigated_robot_of(node.name)} & {*ids}:
+            text = f"{node.name} is a process of the team already; give the node another name"
+        elif (first := seen.setdefault(node.name, i)) != i:
+            text = f"nodes[{first}] has this name already; give each node its own"
+        if text:
+            yield Problem(("nodes", i, "name"), text)
+
+
+def _check_grants(security: Security) -> Iterator[Problem]:
+    """Problems of the names of certificates, and of what they are granted."""
+    for name, words in security.grants.items():
+        text = names.name_problem(name)
+        if not (isinstance(words, list) and all(word in GRANTS for word in words)):
+            text = f"a list of these words is expected: {', '.join(GRANTS)}"
+        if text:
+            yield Problem(("security", "grants", name), text)
+
+
+def _check_transforms(transforms: Mapping[int, StaticTransform]) -> Iterator[Problem]:
+    """A frame has one place."""
+    seen: dict[str, int] = {}
+    for i, entry in transforms.items():
+        if (first := seen.setdefault(names.strip_slash(entry.child), i)) != i:
+            text = f"static_transforms[{first}] says where {entry.child} is; keep one of them"
+            yield Problem(("static_transforms", i, "child"), text)

@@ -98,6 +98,10 @@ class Table(dict[str, Any]):
                 place = inner.place
         return place
 
+    def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
+        """Problems of this table where their keys stand."""
+        return [Mistake(self.place_of(*problem.path), problem.text) for problem in problems]
+
 
 def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int = 99) -> Table:
     """Both tables key by key, and the tables in them to a depth; of anything else that of `over`, but `lists` follow
@@ -209,10 +213,8 @@ class Files:
         if above:
             _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
-        for place, text in self._included(own):
-            found = self._find(place, text, (*above, path))
-            if found is not None:
-                merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
+        for found in [*self._included(own, (*above, path))]:
+            merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
         return merge(merged, own, lists=LISTS)
 
     def _fill(self, text: str, place: KeyPlace) -> Any:
@@ -226,34 +228,25 @@ class Files:
             return text
         return _placed(parse_value(given), place)
 
-    def _included(self, table: Table) -> Iterator[tuple[KeyPlace, str]]:
-        value, place = table.get("include", []), table.place_of("include")
-        if not isinstance(value, list):
-            self.mistakes.append(Mistake(place, 'a list of team files is expected, such as ["base.toml"]'))
-            return
-        for i, text in enumerate(value):
-            if isinstance(text, str) and text:
-                yield place.below(i), text
-            else:
-                self.mistakes.append(Mistake(place.below(i), "the name of a team file is expected"))
-
-    def _find(self, place: KeyPlace, text: str, above: tuple[Path, ...]) -> Path | None:
-        beside = place.source.path.parent / text
-        found = resources.existing_file(beside) or resources.shipped_team(text)
-        if found is None and resources.is_folder(beside):
-            told = f"{text!r} is a folder; name the team file in it (*.toml)"
-        elif found is None:
-            known = ", ".join(resources.names(resources.teams_folder(), ".toml"))
-            told = f"{text!r} is neither a file beside this one nor a shipped team ({known})"
-        elif found.resolve() in (path.resolve() for path in above):
-            chain = " → ".join(path.name for path in (*above, found))
-            told = f"the files include each other in a circle ({chain})"
-        elif len(self.sources) >= MAX_FILES:
-            raise error_of([Mistake(place, f"more than {MAX_FILES} files are included")])
-        else:
-            return found
-        self.mistakes.append(Mistake(place, told))
-        return None
+    def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
+        listed = table.get("include", [])
+        if not (isinstance(listed, list) and all(isinstance(text, str) and text for text in listed)):
+            told = 'a list of team files is expected, such as ["base.toml"]'
+            self.mistakes.append(Mistake(table.place_of("include"), told))
+            listed = []
+        for i, text in enumerate(listed):
+            place = table.place_of("include", i)
+            beside = place.source.path.parent / text
+            if len(self.sources) >= MAX_FILES:
+                raise error_of([Mistake(place, f"more than {MAX_FILES} files are included")])
+            try:
+                found = resources.existing_file(beside) or resources.shipped_team(text) or resources.find_team(beside)
+                if found.resolve() in (path.resolve() for path in above):
+                    chain = " → ".join(path.name for path in (*above, found))
+                    raise UsageError(f"the files include each other in a circle ({chain})")
+                yield found
+            except UsageError as error:
+                self.mistakes.append(Mistake(place, str(error)))
 
 
 def _fix_paths(table: Table, folder: Path) -> None:
@@ -281,16 +274,11 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
     try:
         text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     except TooDeepError as error:
         raise ConfigError(f"{path}:{error.line}: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
-        place = f"{path}:{found[1]}:{found[2]}" if found else f"{path}"
-        told = str(error)[: found.start()] if found else str(error)
-        hint = "; text needs quotes" if told == "Invalid value" else ""
-        raise ConfigError(f"{place}: not TOML: {told}{hint}") from None
     except ValueError as error:
-        # A number of thousands of digits.
-        raise ConfigError(f"{path}: not a {what}: {' '.join(str(error).split())}") from None
+        # Not UTF-8, no TOML, or a number of thousands of digits.
+        told, _, place = " ".join(str(error).split()).partition(" (at line ")
+        line_and_column = re.findall(r"\d+", place)
+        hint = "; text needs quotes" if told == "Invalid value" else ""
+        raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None

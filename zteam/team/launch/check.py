@@ -65,7 +65,7 @@ def check_team(
         for i, answered in zip(own, answers(), strict=True):
             problems += _behavior_problems(i, answered, topics)
     problems += [*_file_problems(file), *_sensor_problems(file, name, robots, topics), *_node_problems(file)]
-    mistakes = [*file.mistakes, *file.locate(problems)]
+    mistakes = [*file.mistakes, *file.table.locate(problems)]
     if mistakes:
         told.insert(0, str(error_of(mistakes)))
     if told:

@@ -10,7 +10,7 @@ import numpy as np
 
 from studies.navigation.scene import BEAMS, NavFigure, Progress, costmap_of, find_map, find_ways, make_robot, outline_of
 from zteam import names
-from zteam.cli.bench_team import run_processes, write_world
+from zteam.cli.bench import run_processes, write_world
 from zteam.clock import NS_PER_S
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2

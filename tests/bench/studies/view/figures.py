@@ -11,8 +11,7 @@ from studies.launching import launch
 from studies.view.browser import DrawFigures, StartFigures, measure_drawing, measure_start
 from studies.view.page import FoxgloveFigures, FrameFigures, Page, measure_foxglove
 from studies.view.stage import TOKEN, crowd, start_view, team
-from zteam.cli.bench import figure
-from zteam.cli.bench_team import run_processes, write_line_team
+from zteam.cli.bench import figure, run_processes, write_line_team
 from zteam.cli.tables import format_table
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError

@@ -13,7 +13,7 @@ from zteam.config.simulation_options import Options
 from zteam.config.toml_values import parse_value
 from zteam.team.file.entries import NodeEntry, RobotEntry, Security, StaticTransform, TeamSection
 from zteam.team.file.groups import GROUP_KEYS
-from zteam.team.file.reading import KEYS
+from zteam.team.file.reading import Tables
 
 PATH = DOCS / "team-files.md"
 KINDS: Mapping[str, type[msgspec.Struct]] = {
@@ -30,7 +30,7 @@ KINDS: Mapping[str, type[msgspec.Struct]] = {
 def keys_of(table: str) -> set[str]:
     """The keys that a table takes, as a user writes them; those of the file for an empty name."""
     if not table:
-        return set(KEYS)
+        return set(Tables.__struct_fields__)
     further = set(GROUP_KEYS) if table == "robots" else set()
     # Parameters have names of their own, which the behaviour knows.
     return {*KINDS[table].__struct_fields__, *further} - {"params"}

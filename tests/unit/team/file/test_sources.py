@@ -124,7 +124,7 @@ def test_mistakes_have_the_file_in_which_they_stand(tmp_path: Path) -> None:
         ('["team.toml"]', "1: include[0]"),
         ('["a\\u0000b"]', "1: include[0]"),
         ('"base.toml"', "1: include"),
-        ("[3]", "1: include[0]"),
+        ("[3]", "1: include"),
         ("{}", "1: include"),
     ],
 )
