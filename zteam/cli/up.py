@@ -178,14 +178,14 @@ def _up(args: argparse.Namespace) -> int:
         _print_arguments(args)
         return 0
     if args.compose:
-        from zteam.team.launch.apart import compose_file
+        from zteam.team.launch.plan import compose_file
 
         print_block(
             compose_file(_launch(args), [args.team, *args.arguments], is_shipped=_is_shipped(args.team)).rstrip()
         )
         return 0
     if args.only is not None:
-        from zteam.team.launch.apart import become
+        from zteam.team.launch.plan import become
         from zteam.team.run.processes import lease_for, node_environment
 
         bus, launch = bus_options(args), _launch(args)

@@ -135,9 +135,7 @@ class _PublisherPair:
     """Publishes to the nodes, and to the outside if there is a subscriber."""
 
     def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[Closeable], None]) -> None:
-        self._inside = inside
-        self._outside = outside
-        self._forget = forget
+        self._inside, self._outside, self._forget = inside, outside, forget
 
     @property
     def has_subscribers(self) -> bool:

@@ -154,8 +154,16 @@ class Processes:
         """Have a router and a session. Raises BusError if the team runs at a given router already."""
         is_given = bool(self.endpoint)
         if not is_given:
-            # Its endpoint is what all others connect to.
-            self._wait_for_router(self._start_router())
+            router = self._start_router()
+            self.supervisor.wait(
+                lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
+            )
+            self.endpoint = router.report.listening
+            if not self.endpoint:
+                # Its last line may still be on its way.
+                router.join(1.0)
+                why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
+                raise BusError("stopped" if self._stop.requested else why)
         options = self._options_of(self._name)
         self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         if self.links is not None:
@@ -226,18 +234,6 @@ class Processes:
                 raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")
             self._issue([name])
         return self.environment(name)
-
-    def _wait_for_router(self, router: Process) -> None:
-        """Learn the endpoint of the team's own router. Raises BusError if it does not listen."""
-        self.supervisor.wait(
-            lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
-        )
-        self.endpoint = router.report.listening
-        if not self.endpoint:
-            # Its last line may still be on its way.
-            router.join(1.0)
-            why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
-            raise BusError("stopped" if self._stop.requested else why)
 
     def close(self) -> None:
         """End the session, and kill what still runs."""

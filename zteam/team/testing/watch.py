@@ -90,8 +90,6 @@ class Watch:
         self._at_end = False
         self.may_end: set[str] = set()
         """Processes that may end or hang."""
-        self.hangs: dict[str, str] = {}
-        """How processes hang, in words."""
         self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
@@ -99,6 +97,11 @@ class Watch:
     def threads(self) -> Threads | None:
         """The members of a team in this process; None for processes."""
         return self.team_run.members if isinstance(self.team_run.members, Threads) else None
+
+    @property
+    def hangs(self) -> dict[str, str]:
+        """How members hang, in words."""
+        return self.team_run.members.hangs
 
     @property
     def bus(self) -> Bus:
@@ -158,7 +161,6 @@ class Watch:
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
-        self.hangs.update(self.team_run.members.hangs)
         for name, text in self.hangs.items():
             if name not in self.may_end:
                 raise TeamFailure(text)
