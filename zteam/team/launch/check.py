@@ -146,10 +146,8 @@ def refuse_nodes(file: TeamFile, way_out: str) -> None:
 
 
 def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
-    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it.
-
-    `robots` gets all that will stand in it, by id.
-    """
+    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it. `robots`
+    gets all that will stand in it, by id."""
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
     robots.update(standing)
     ids = {entry.id for entry in file.robots.values()}

@@ -44,10 +44,8 @@ PRELOADS = (
 
 
 class StartChild(msgspec.Struct, array_like=True, frozen=True):
-    """Start a child: what `python -P -m module …` would run. The reply is its process id.
-
-    Along come its descriptors.
-    """
+    """Start a child: what `python -P -m module …` would run. The reply is its process id. Along come its
+    descriptors."""
 
     module: str
     arguments: list[str]

@@ -273,10 +273,8 @@ def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Jo
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
-    """The launch with a plan of faults: a file, or the seed of a random one. Raises UsageError.
-
-    With `here` the team is one process: the simulator of lock-step has to carry out all of them.
-    """
+    """The launch with a plan of faults: a file, or the seed of a random one. Raises UsageError. With `here` the team is
+    one process: the simulator of lock-step has to carry out all of them."""
     processes = [*plan_team(launch).jobs, *([] if here else [kinds.ROUTER])]
     faults = choose_plan(plan, launch.run_for, processes, lockstep=launch.pace.lockstep)
     for fault in faults:

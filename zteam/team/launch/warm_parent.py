@@ -174,10 +174,8 @@ def _wait_for(descriptor: int, timeout: float | None) -> bool:
 
 
 class WarmParent:
-    """Starts children as `spawn` does, but forks those that run a command of zteam.
-
-    Its process starts with `prepare` or the first child, and anew when it has died.
-    """
+    """Starts children as `spawn` does, but forks those that run a command of zteam. Its process starts with `prepare`
+    or the first child, and anew when it has died."""
 
     def __init__(self) -> None:
         self._server: _Server | None = None

@@ -63,10 +63,8 @@ def node_environment(bus: BusOptions) -> dict[str, str]:
 
 
 def claim_namespace(bus: Bus, stop: Stop) -> Claim:
-    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
-
-    Requests the stop if a healed network shows an older launcher.
-    """
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it. Requests the
+    stop if a healed network shows an older launcher."""
 
     def on_rival(info: ProcessInfo) -> None:
         log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)

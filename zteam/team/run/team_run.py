@@ -175,11 +175,8 @@ class TeamRun:
         return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
-        """Wait for the end of the run, of all its members, or for the stop request.
-
-        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
-        launcher's start.
-        """
+        """Wait for the end of the run, of all its members, or for the stop request. Raises ZteamError if the run cannot
+        reach its end, or has not begun within `go_timeout` host seconds of the launcher's start."""
         progress, supervisor, missing = self._progress, self.supervisor, list[str]()
         assert progress is not None
 

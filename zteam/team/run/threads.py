@@ -305,10 +305,8 @@ class Threads:
         return bus
 
     def beside_simulator(self, work: Callable[[], R]) -> R:
-        """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
-
-        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
-        """
+        """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result. In
+        lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal."""
         simulator = self._make(names.SIMULATOR)
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator, Job(()))
 

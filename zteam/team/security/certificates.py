@@ -175,10 +175,8 @@ class Authority:
         self.index.team, self.index.rights, self.index.namespace = team, dict(rights), namespace
 
     def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
-        """The next certificate of each name; none of them outlives the authority. Raises ZteamError.
-
-        That of the router stands for loopback and `hosts`; all others stand for no host.
-        """
+        """The next certificate of each name; none of them outlives the authority. Raises ZteamError. That of the router
+        stands for loopback and `hosts`; all others stand for no host."""
         for name in names:
             self._check_name(name)
         places, own = places_of([*_LOOPBACK, ROUTER, *hosts]), self._load_authority()

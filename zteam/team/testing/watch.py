@@ -269,10 +269,8 @@ class Watch:
             self.interval = status.interval if status.lockstep else 0
 
     def take_status(self, status: SimStatus) -> None:
-        """Notice the processes that were left behind, and wait for the end of those that left.
-
-        They are gone in the world's time; the end of their processes takes the host's.
-        """
+        """Notice the processes that were left behind, and wait for the end of those that left. They are gone in the
+        world's time; the end of their processes takes the host's."""
         self._note_left_behind(status)
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
