@@ -242,7 +242,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch
-    from zteam.team.chaos.plan import describe
+    from zteam.team.chaos.means import describe
     from zteam.team.launch.plan import with_faults
 
     launch = with_faults(launch, args.chaos, here=args.in_process)

@@ -34,7 +34,7 @@ from zteam.node.process_options import (
     to_line,
 )
 from zteam.simulator.faults import is_simulated
-from zteam.team.chaos.plan import choose_plan
+from zteam.team.chaos.means import choose_plan
 from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of, static_transform
 from zteam.team.launch.process import Job, environment_of, zteam_command
 
