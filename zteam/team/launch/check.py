@@ -26,7 +26,7 @@ from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
 from zteam.team.launch.own_behaviors import Answer, Question, answer, asking
-from zteam.team.launch.plan import is_own, is_python
+from zteam.team.launch.plan import PYTHON, is_own
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
@@ -126,7 +126,7 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
         folder, (program, *arguments) = Path(node.folder), node.command
         if not is_folder(folder):
             yield Problem(("nodes", i, "folder"), f"there is no folder {folder}")
-        elif is_python(program):
+        elif program in PYTHON:
             script = arguments[0] if arguments else ""
             if script.endswith(".py") and existing_file(folder / script) is None:
                 yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")

@@ -293,23 +293,22 @@ def _keep_page(name: str, options: ViewOptions, job: Job, report: Report) -> Job
     return msgspec.structs.replace(job, words=to_line(name, again))
 
 
+PYTHON = ("python", "python3")
+"""Words of a user's command that stand for this interpreter."""
+
+
 def command_line(words: Sequence[str]) -> list[str]:
     """The command line of a user's program. `python` is this interpreter, wherever the user's own is, and zteam this
     zteam."""
     program, *rest = words
     if is_own(program):
         return zteam_command(program, *rest)
-    return [sys.executable if is_python(program) else program, *rest]
+    return [sys.executable if program in PYTHON else program, *rest]
 
 
 def is_own(program: str) -> bool:
     """Whether the word is a command of zteam."""
     return program == "zteam" or program in {kind.command for kind in kinds.KINDS}
-
-
-def is_python(program: str) -> bool:
-    """Whether the word stands for this interpreter."""
-    return program in ("python", "python3")
 
 
 def become(launch: TeamLaunch, name: str, environment: Mapping[str, str]) -> NoReturn:

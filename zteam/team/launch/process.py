@@ -51,8 +51,9 @@ def measure_usage(pid: int, usage: Usage) -> None:
     except OSError:
         return
     fields = stat.rpartition(")")[2].split()
-    usage.rss_mb = max(usage.rss_mb, _megabytes(status, "VmHWM"))
-    usage.pss_mb = max(usage.pss_mb, _megabytes(rollup, "Pss"))
+    kib = dict(re.findall(r"^(VmHWM|Pss):\s*(\d+)", f"{status}\n{rollup}", re.MULTILINE))
+    usage.rss_mb = max(usage.rss_mb, int(kib.get("VmHWM", 0)) * 1024 / 1e6)
+    usage.pss_mb = max(usage.pss_mb, int(kib.get("Pss", 0)) * 1024 / 1e6)
     # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
     usage.cpu_seconds = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -61,11 +62,6 @@ def _read(path: str) -> str:
     # pathlib interns the parts of a path: with a process id in it that table grew by half a megabyte in an hour.
     with open(path) as file:  # noqa: PTH123
         return file.read()
-
-
-def _megabytes(text: str, label: str) -> float:
-    found = re.search(rf"^{label}:\s*(\d+)", text, re.MULTILINE)
-    return int(found[1]) * 1024 / 1e6 if found else 0.0
 
 
 def zteam_command(command: str, *arguments: str) -> list[str]:

@@ -80,9 +80,8 @@ class RunningNode:
         """
         self.bus: Bus = hub.bus()
         """The test's own session, which is the node's simulator too."""
-        self._stop = Stop()
+        self._stop, self._body = Stop(), body
         self.node = Node(name, hub.bus(), self._stop, clock)
-        self._body = body
         self._robots = np.array(sorted(robots), np.int32)
         self._epoch, self._tick = 1, 0
         self._failure: BaseException | None = None

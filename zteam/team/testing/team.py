@@ -155,7 +155,7 @@ class TeamFixture:
                 leave()
             else:
                 # What hangs was told to end when it was noticed.
-                close_in_time(leave, _SHORT_GRACE if self._watch.hangs else GRACE)
+                close_in_time(leave, _SHORT_GRACE if self._run.members.hangs else GRACE)
 
     @property
     def environment(self) -> dict[str, str]:

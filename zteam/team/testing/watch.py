@@ -99,11 +99,6 @@ class Watch:
         return self.team_run.members if isinstance(self.team_run.members, Threads) else None
 
     @property
-    def hangs(self) -> dict[str, str]:
-        """How members hang, in words."""
-        return self.team_run.members.hangs
-
-    @property
     def bus(self) -> Bus:
         """The test's own session."""
         assert self.team_run.members.bus is not None
@@ -161,7 +156,7 @@ class Watch:
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
-        for name, text in self.hangs.items():
+        for name, text in self.team_run.members.hangs.items():
             if name not in self.may_end:
                 raise TeamFailure(text)
         for process in self.team_run.supervisor.failures:
@@ -312,11 +307,12 @@ class Watch:
 
     def _note_hang(self, name: str, how: str) -> None:
         """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
-        if name in self.hangs or name in self.may_end:
+        hangs = self.team_run.members.hangs
+        if name in hangs or name in self.may_end:
             return
         where = where_it_is(self.stacks.name, name)
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
-        self.hangs[name] = f"{name} hangs: {text}"
+        hangs[name] = f"{name} hangs: {text}"
 
     def _look_for_hangs(self) -> None:
         """Lock-step: notice the processes that were left behind, where the test sees what the team does: its router and
