@@ -246,7 +246,8 @@ class Supervisor:
     def measure(self) -> None:
         """Update the memory and processor time of every process."""
         for process in self.processes.values():
-            process.measure()
+            if process.running:
+                process.usage.measure()
 
     def _sample(self) -> None:
         while not self._closing.wait(_SAMPLE_PERIOD):
