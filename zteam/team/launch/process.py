@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 import msgspec
 
@@ -47,18 +47,19 @@ class ProcessReport(msgspec.Struct):
     pss_mb: float = 0.0
     cpu_seconds: float = 0.0
 
-    def measure(self) -> None:
-        """Take the present figures of the process; leave them unchanged if it is gone."""
+    def measure(self) -> Self:
+        """Take the present figures of the process, and return the row; leave them unchanged if it is gone."""
         try:
             status, rollup, stat = (_read(f"{PROC}/{self.pid}/{name}") for name in ("status", "smaps_rollup", "stat"))
         except OSError:
-            return
+            return self
         fields = stat.rpartition(")")[2].split()
         kib = dict(re.findall(r"^(VmHWM|Pss):\s*(\d+)", f"{status}\n{rollup}", re.MULTILINE))
         self.rss_mb = max(self.rss_mb, round(int(kib.get("VmHWM", 0)) * 1024 / 1e6, 1))
         self.pss_mb = max(self.pss_mb, round(int(kib.get("Pss", 0)) * 1024 / 1e6, 1))
         # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
         self.cpu_seconds = round((int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), 2)
+        return self
 
 
 def _read(path: str) -> str:

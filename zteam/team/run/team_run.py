@@ -227,9 +227,7 @@ class TeamRun:
         self.chaos = None if self._end_faults is None else self._end_faults()
         self.supervisor.measure()
         # Measured while the others run: afterwards the pages that are shared with them would be counted here alone.
-        own = [ProcessReport(name, pid, exit=0) for name, pid in self.members.pids.items()]
-        for row in own:
-            row.measure()
+        own = [ProcessReport(name, pid, exit=0).measure() for name, pid in self.members.pids.items()]
         self._stop_all()
         if report is None or self._progress is None:
             return None

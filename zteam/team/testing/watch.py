@@ -295,10 +295,12 @@ class Watch:
         self.take_log(name, message.level, message.msg)
 
     def _has_ended_or_joined(self, name: str) -> bool:
-        process, status = self.member(name), self.status()
-        if process.exit_code is not None:
-            process.join(START_LIMIT)
-        return process.exit_code is not None or name in status.participants or name in status.joining
+        process = self.member(name)
+        return process.join(START_LIMIT) if process.exit_code is not None else self._takes_part(name)
+
+    def _takes_part(self, name: str) -> bool:
+        status = self.status()
+        return name in status.participants or name in status.joining
 
     def _note_left_behind(self, status: SimStatus) -> None:
         for name in status.hung:
@@ -415,13 +417,9 @@ class Watch:
         """Wait until a process is there that was started again; in lock-step, until it takes part in the next tick."""
         self.wait_for_processes(name)
 
-        def takes_part() -> bool:
-            status = self.sim.status()
-            return name in status.joining or name in status.participants
-
         kind = kind_of(name)
         may_take_part = kind is not None and kind.in_lockstep
-        if self.interval and may_take_part and not self.wait(takes_part):
+        if self.interval and may_take_part and not self.wait(lambda: self._takes_part(name)):
             raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
 
     def wait_until_left(self, name: str) -> None:
