@@ -292,5 +292,5 @@ def summary(report: ChaosReport) -> str:
         text += f", {failed} not carried out or not recovered"
     for one in moved[:10]:
         text += f"\n{one.name} moved at {one.speed:.2f} at {one.at:.1f} s, {one.silent:.2f} s after its last command"
-    who = f"{counted(len(moved), 'time')} a robot" if moved else "no robot"
-    return f"{text}\n{who} moved longer than the watchdog allows"
+    subject = f"{counted(len(moved), 'time')} a robot" if moved else "no robot"
+    return f"{text}\n{subject} moved longer than the watchdog allows"
