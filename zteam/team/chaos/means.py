@@ -213,10 +213,8 @@ def random_plan(
     seed: int, seconds: float, processes: Sequence[str], kinds: Sequence[FaultKind] = KINDS
 ) -> tuple[Fault, ...]:
     """Faults of these processes, one after the other, in so many simulated seconds after GO; equal seeds, equal plans.
-
     The router has no link of its own, because those of the others end there, and with a simulator that is killed the
-    time of the run begins anew: these are paused instead.
-    """
+    time of the run begins anew: these are paused instead."""
     chosen, plan, at = sorted(processes), list[Fault](), FIRST
     while chosen and at < seconds:
         draws = [uniform(seed, len(plan), i) for i in range(3)]
@@ -255,10 +253,8 @@ def _entries(fault: Fault) -> dict[str, object]:
 
 def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, lockstep: bool) -> tuple[Fault, ...]:
     """The plan that a user names: a file, or the seed of a random one of so many simulated seconds. Raises UsageError,
-    and ConfigError for a fault of a process that is not there.
-
-    A random plan of lock-step has the faults that repeat to the bit.
-    """
+    and ConfigError for a fault of a process that is not there. A random plan of lock-step has the faults that repeat to
+    the bit."""
     if not text.isdigit():
         plan = read_plan(Path(text))
         for fault in plan:

@@ -37,11 +37,9 @@ def check_team(
     *,
     here: bool = False,
 ) -> Path | None:
-    """The world of the team, None for real robots; `world_file` replaces the world of the team file.
-
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Raises
-    ConfigError of one line for each mistake, in the team file or in the world's.
-    """
+    """The world of the team, None for real robots; `world_file` replaces the world of the team file. With `here` this
+    process imports the user's modules: it runs the team itself, and may have made a module. Raises ConfigError of one
+    line for each mistake, in the team file or in the world's."""
     if not file.is_filled:
         raise error_of(file.mistakes)
     problems, told = list[Problem](), []

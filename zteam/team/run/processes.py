@@ -176,10 +176,8 @@ class Processes:
 
     def _start_router(self) -> Process:
         """Start a router that reports its endpoint when it listens. A router on demand gives up the default endpoint.
-
         With certificates it listens over TLS, and lets in those that are valid. If the team's processes are started
-        again, it is too, at its endpoint.
-        """
+        again, it is too, at its endpoint."""
         listen = self._listen or DEFAULT_ENDPOINT
         options = RouterOptions((listen,), lease=self.lease, for_team="starts" if self._listen is None else "")
         if self.certificates is not None:

@@ -230,11 +230,9 @@ class NodeThread:
 
 
 class Threads:
-    """The members as threads of this process, and nodes of the team file as processes beside it.
-
-    Use as: `with TeamRun(Threads(...), launch) as run: run.open(); run.members.beside_simulator(work)`, where `work`
-    starts the run, watches it and finishes it.
-    """
+    """The members as threads of this process, and nodes of the team file as processes beside it. Use as: `with
+    TeamRun(Threads(...), launch) as run: run.open(); run.members.beside_simulator(work)`, where `work` starts the run,
+    watches it and finishes it."""
 
     def __init__(
         self,

@@ -350,11 +350,9 @@ def open_authority(folder: Path, *, make: bool = False) -> Iterator[Authority]:
 
 
 def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: str, names: Iterable[str]) -> list[str]:
-    """Make what is missing for the processes `names` of a team; what the user is to be warned of, one line each.
-
-    Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
-    has no certificate that is valid.
-    """
+    """Make what is missing for the processes `names` of a team; what the user is to be warned of, one line each. Where
+    the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process has no
+    certificate that is valid."""
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]
