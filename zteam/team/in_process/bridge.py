@@ -135,7 +135,9 @@ class _PublisherPair:
     """Publishes to the nodes, and to the outside if there is a subscriber."""
 
     def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[Closeable], None]) -> None:
-        self._inside, self._outside, self._forget = inside, outside, forget
+        self._inside = inside
+        self._outside = outside
+        self._forget = forget
 
     @property
     def has_subscribers(self) -> bool:
