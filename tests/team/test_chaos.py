@@ -13,7 +13,7 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.config.fault import Fault
 from zteam.node.kinds import ROUTER
-from zteam.team.chaos.plan import plan_text
+from zteam.team.chaos.means import plan_text
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 

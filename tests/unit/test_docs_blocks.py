@@ -17,7 +17,7 @@ from zteam.behaviors import Behavior
 from zteam.config import entry_points
 from zteam.config.resources import shipped_world
 from zteam.robot.trials.check import PLACES, run_trials
-from zteam.team.chaos.plan import read_plan
+from zteam.team.chaos.means import read_plan
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
 

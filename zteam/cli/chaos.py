@@ -50,8 +50,7 @@ def _work(args: argparse.Namespace) -> int:
     from zteam.monitor.observer import TeamObserver
     from zteam.simulator.client import find_status
     from zteam.team.chaos.carry_out import Watchdog, carry_out
-    from zteam.team.chaos.means import means_on_bus
-    from zteam.team.chaos.plan import choose_plan, describe, plan_text
+    from zteam.team.chaos.means import choose_plan, describe, means_on_bus, plan_text
 
     with open_bus(args) as bus:
         status = find_status(bus)

@@ -145,13 +145,13 @@ def _up(args: argparse.Namespace) -> int:
         print_block(format_table(header, rows) if rows else f"{args.team} takes no arguments")
         return 0
     if args.compose:
-        from zteam.team.launch.apart import compose_file
+        from zteam.team.launch.plan import compose_file
 
         is_shipped = find_team(args.team).parent == teams_folder()
         print_block(compose_file(_launch(args), [args.team, *args.arguments], is_shipped=is_shipped).rstrip())
         return 0
     if args.only is not None:
-        from zteam.team.launch.apart import become
+        from zteam.team.launch.plan import become
         from zteam.team.run.processes import lease_for, node_environment
 
         bus, launch = bus_options(args), _launch(args)
@@ -195,7 +195,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch
-    from zteam.team.chaos.plan import describe
+    from zteam.team.chaos.means import describe
     from zteam.team.launch.plan import with_faults
 
     launch = with_faults(launch, args.chaos, here=args.in_process)

@@ -22,7 +22,7 @@ from zteam.errors import ZteamError
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.team.chaos.carry_out import Outcome, Violation, Watchdog
-from zteam.team.chaos.plan import plan_text, random_plan
+from zteam.team.chaos.means import plan_text, random_plan
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, Process
 from zteam.team.run.report import RunReport

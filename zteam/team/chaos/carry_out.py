@@ -270,38 +270,27 @@ def carry_out_beside(
 
 
 HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "back last", "")
+"""Of the fields of an Outcome."""
 
 
 def rows(report: ChaosReport) -> list[tuple[str, ...]]:
     """The report as the cells of a table."""
 
-    def cell(value: float | None) -> str:
-        return "-" if value is None else f"{value:.2f}"
+    def cell(value: str | float | None) -> str:
+        return "-" if value is None else value if isinstance(value, str) else f"{value:.2f}"
 
-    return [
-        (
-            f"{each.at:.1f}", each.fault, each.name, cell(each.lasted or None), cell(each.stood_after),
-            cell(each.recovery), cell(each.recovery_sim), "" if each.problem else each.last, each.problem,
-        )
-        for each in report.faults
-    ]  # fmt: skip
+    return [tuple(map(cell, msgspec.structs.astuple(each))) for each in report.faults]
 
 
 def summary(report: ChaosReport) -> str:
     """The end of the report, in words."""
-    times, failed = report.recoveries, sum(bool(each.problem) for each in report.faults)
-    lines = [counted(len(report.faults), "fault")]
+    times, failed, moved = report.recoveries, sum(bool(each.problem) for each in report.faults), report.violations
+    text = counted(len(report.faults), "fault")
     if times:
-        lines[0] += f", recovery {times[len(times) // 2]:.2f} s (median), {times[-1]:.2f} s (longest)"
+        text += f", recovery {times[len(times) // 2]:.2f} s (median), {times[-1]:.2f} s (longest)"
     if failed:
-        lines[0] += f", {failed} not carried out or not recovered"
-    lines += [
-        f"{found.name} moved at {found.speed:.2f} at {found.at:.1f} s, {found.silent:.2f} s after its last command"
-        for found in report.violations[:10]
-    ]
-    lines.append(
-        "no robot moved longer than the watchdog allows"
-        if not report.violations
-        else f"{counted(len(report.violations), 'time')} a robot moved longer than the watchdog allows"
-    )
-    return "\n".join(lines)
+        text += f", {failed} not carried out or not recovered"
+    for one in moved[:10]:
+        text += f"\n{one.name} moved at {one.speed:.2f} at {one.at:.1f} s, {one.silent:.2f} s after its last command"
+    subject = f"{counted(len(moved), 'time')} a robot" if moved else "no robot"
+    return f"{text}\n{subject} moved longer than the watchdog allows"

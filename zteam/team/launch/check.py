@@ -26,7 +26,7 @@ from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
 from zteam.team.launch.own_behaviors import Answer, Question, answer, asking
-from zteam.team.launch.plan import is_own, is_python
+from zteam.team.launch.plan import PYTHON, is_own
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
@@ -37,11 +37,9 @@ def check_team(
     *,
     here: bool = False,
 ) -> Path | None:
-    """The world of the team, None for real robots; `world_file` replaces the world of the team file.
-
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Raises
-    ConfigError of one line for each mistake, in the team file or in the world's.
-    """
+    """The world of the team, None for real robots; `world_file` replaces the world of the team file. With `here` this
+    process imports the user's modules: it runs the team itself, and may have made a module. Raises ConfigError of one
+    line for each mistake, in the team file or in the world's."""
     if not file.is_filled:
         raise error_of(file.mistakes)
     problems, told = list[Problem](), []
@@ -126,21 +124,16 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
         folder, (program, *arguments) = Path(node.folder), node.command
         if not is_folder(folder):
             yield Problem(("nodes", i, "folder"), f"there is no folder {folder}")
-        elif is_python(program):
+        elif program in PYTHON:
             script = arguments[0] if arguments else ""
             if script.endswith(".py") and existing_file(folder / script) is None:
                 yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
-        elif not is_own(program) and not _find_program(program, folder):
-            where = f"in {folder}" if os.sep in program else "on PATH"
+        elif not is_own(program):
+            there, where = (folder / program, f"in {folder}") if os.sep in program else (program, "on PATH")
+            # No system takes a NUL.
+            if "\0" not in program and shutil.which(there):
+                continue
             yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
-
-
-def _find_program(program: str, folder: Path) -> bool:
-    try:
-        return shutil.which(folder / program if os.sep in program else program) is not None
-    except ValueError:
-        # With a NUL.
-        return False
 
 
 def refuse_nodes(file: TeamFile, way_out: str) -> None:
@@ -151,10 +144,8 @@ def refuse_nodes(file: TeamFile, way_out: str) -> None:
 
 
 def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
-    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it.
-
-    `robots` gets all that will stand in it, by id.
-    """
+    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it. `robots`
+    gets all that will stand in it, by id."""
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
     robots.update(standing)
     ids = {entry.id for entry in file.robots.values()}

@@ -17,7 +17,6 @@ from collections.abc import Sequence
 
 import msgspec
 
-from zteam.node.faults import shortage_text
 from zteam.node.launcher import LINK
 from zteam.node.leaving import show_name
 
@@ -44,10 +43,8 @@ PRELOADS = (
 
 
 class StartChild(msgspec.Struct, array_like=True, frozen=True):
-    """Start a child: what `python -P -m module …` would run. The reply is its process id.
-
-    Along come its descriptors.
-    """
+    """Start a child: what `python -P -m module …` would run. The reply is its process id. Along come its
+    descriptors."""
 
     module: str
     arguments: list[str]
@@ -136,14 +133,11 @@ def main() -> None:
     """Serve, and in a child run the command that was asked for."""
     gc.disable()
     show_name("zteam-parent")
-    try:
-        for module in PRELOADS:
-            # The child that needs it imports it again, and says what is wrong.
-            with contextlib.suppress(Exception):
-                importlib.import_module(module)
-        start = serve(socket.socket(fileno=int(sys.argv[1])))
-    except MemoryError as error:
-        sys.exit(f"zteam-parent: {shortage_text(error)}")
+    for module in PRELOADS:
+        # The child that needs it imports it again, and says what is wrong.
+        with contextlib.suppress(Exception):
+            importlib.import_module(module)
+    start = serve(socket.socket(fileno=int(sys.argv[1])))
     if start is not None:
         sys.argv[1:] = start.arguments
         runpy.run_module(start.module, run_name="__main__", alter_sys=True)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 import msgspec
 
@@ -36,36 +36,36 @@ _LAST_LINES = 1.0
 it started holds them open from a session of its own."""
 
 
-class Usage(msgspec.Struct):
-    """Memory at its peak (MB, 10⁶ bytes) and processor time so far (s)."""
+class ProcessReport(msgspec.Struct):
+    """One process of a run; memory at its peak (MB, 10⁶ bytes), and processor time so far."""
 
+    name: str
+    pid: int
+    exit: int | None = None
+    restarts: int = 0
     rss_mb: float = 0.0
     pss_mb: float = 0.0
     cpu_seconds: float = 0.0
 
-
-def measure_usage(pid: int, usage: Usage) -> None:
-    """Raise `usage` to the present figures of the process; leave it unchanged if the process is gone."""
-    try:
-        status, rollup, stat = (_read(f"{PROC}/{pid}/{name}") for name in ("status", "smaps_rollup", "stat"))
-    except OSError:
-        return
-    fields = stat.rpartition(")")[2].split()
-    usage.rss_mb = max(usage.rss_mb, _megabytes(status, "VmHWM"))
-    usage.pss_mb = max(usage.pss_mb, _megabytes(rollup, "Pss"))
-    # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
-    usage.cpu_seconds = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    def measure(self) -> Self:
+        """Take the present figures of the process, and return the row; leave them unchanged if it is gone."""
+        try:
+            status, rollup, stat = (_read(f"{PROC}/{self.pid}/{name}") for name in ("status", "smaps_rollup", "stat"))
+        except OSError:
+            return self
+        fields = stat.rpartition(")")[2].split()
+        kib = dict(re.findall(r"^(VmHWM|Pss):\s*(\d+)", f"{status}\n{rollup}", re.MULTILINE))
+        self.rss_mb = max(self.rss_mb, round(int(kib.get("VmHWM", 0)) * 1024 / 1e6, 1))
+        self.pss_mb = max(self.pss_mb, round(int(kib.get("Pss", 0)) * 1024 / 1e6, 1))
+        # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
+        self.cpu_seconds = round((int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), 2)
+        return self
 
 
 def _read(path: str) -> str:
     # pathlib interns the parts of a path: with a process id in it that table grew by half a megabyte in an hour.
     with open(path) as file:  # noqa: PTH123
         return file.read()
-
-
-def _megabytes(text: str, label: str) -> float:
-    found = re.search(rf"^{label}:\s*(\d+)", text, re.MULTILINE)
-    return int(found[1]) * 1024 / 1e6 if found else 0.0
 
 
 def zteam_command(command: str, *arguments: str) -> list[str]:
@@ -184,7 +184,6 @@ class Process:
         start_child: StartChild = spawn,
     ) -> None:
         self.name = name
-        self.usage = Usage()
         self.lines: deque[str] = deque(maxlen=_KEPT_LINES)
         self.stopping = False
         """Whether it was asked to end."""
@@ -196,6 +195,7 @@ class Process:
             failing.callback(self._link.close)
             self._child = start_child(job, theirs.fileno())
             failing.pop_all()
+        self.usage = ProcessReport(name, self._child.pid)
         self._readers = [
             threading.Thread(target=read, name=f"{what} of {name}", daemon=True)
             for read, what in ((self._read, "output"), (self._read_reports, "reports"))
@@ -292,11 +292,6 @@ class Process:
         """Wait for its end and its last line; False if they did not come within `timeout` s."""
         self._watcher.join(timeout)
         return not self._watcher.is_alive()
-
-    def measure(self) -> None:
-        """Update `usage`."""
-        if self.running:
-            measure_usage(self.pid, self.usage)
 
 
 def exit_text(code: int | None) -> str:

@@ -21,9 +21,6 @@ log = logging.getLogger("zteam")
 _FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""
 
-_MEANINGS = {names.SIMULATOR: ": the world stands at its start again"}
-"""What else a user must know of a process that is back."""
-
 
 class Progress:
     """When GO was given and when the run ended, in host seconds since the launcher's start, None before; and how long
@@ -110,7 +107,8 @@ class Progress:
         if (failed := self._failed.pop(name, None)) is not None:
             away = monotonic() - failed
             self.away[name] = max(away, self.away.get(name, 0.0))
-            log.info("%s is back after %.1f s%s", name, away, _MEANINGS.get(name, ""))
+            more = ": the world stands at its start again" if name == names.SIMULATOR else ""
+            log.info("%s is back after %.1f s%s", name, away, more)
 
 
 def holders_of_first_tick(bus: Bus) -> str:

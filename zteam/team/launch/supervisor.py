@@ -105,9 +105,7 @@ class Supervisor:
 
     def start_member(self, name: str, begin: Callable[[], Member], job: Job) -> Member:
         """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name.
-
-        The `job` says whether it may end, and is started again.
-        """
+        The `job` says whether it may end, and is started again."""
         # A restart that waits for its time would replace the new member.
         self._call_restarts_off([name])
         self._places[name] = _Place(begin, job)
@@ -248,7 +246,8 @@ class Supervisor:
     def measure(self) -> None:
         """Update the memory and processor time of every process."""
         for process in self.processes.values():
-            process.measure()
+            if process.running:
+                process.usage.measure()
 
     def _sample(self) -> None:
         while not self._closing.wait(_SAMPLE_PERIOD):

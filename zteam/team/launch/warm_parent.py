@@ -174,10 +174,8 @@ def _wait_for(descriptor: int, timeout: float | None) -> bool:
 
 
 class WarmParent:
-    """Starts children as `spawn` does, but forks those that run a command of zteam.
-
-    Its process starts with `prepare` or the first child, and anew when it has died.
-    """
+    """Starts children as `spawn` does, but forks those that run a command of zteam. Its process starts with `prepare`
+    or the first child, and anew when it has died."""
 
     def __init__(self) -> None:
         self._server: _Server | None = None
@@ -191,13 +189,12 @@ class WarmParent:
 
     def prepare(self) -> None:
         """Begin to import now."""
-        if can_fork():
-            with contextlib.suppress(OSError):
-                self._find_server()
+        with contextlib.suppress(OSError):
+            self._find_server()
 
     def start(self, job: Job, link: int) -> Child:
         """Start a child, as StartChild says."""
-        if can_fork() and runs_zteam(job.command) and all(n.startswith(_OWN_VARIABLES) for n in job.environment):
+        if runs_zteam(job.command) and all(n.startswith(_OWN_VARIABLES) for n in job.environment):
             try:
                 return self._find_server().fork(job, link)
             except OSError as error:
@@ -212,6 +209,8 @@ class WarmParent:
             self._server = None
 
     def _find_server(self) -> _Server:
+        if not can_fork():
+            raise OSError("this system or the user has refused it")
         with self._lock:
             server = self._server
             if server is not None and server.running and server.environment != _inherited_environment():

@@ -63,10 +63,8 @@ def node_environment(bus: BusOptions) -> dict[str, str]:
 
 
 def claim_namespace(bus: Bus, stop: Stop) -> Claim:
-    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
-
-    Requests the stop if a healed network shows an older launcher.
-    """
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it. Requests the
+    stop if a healed network shows an older launcher."""
 
     claim = Claim(bus, names.LAUNCHER)
     try:
@@ -150,8 +148,16 @@ class Processes:
         """Have a router and a session. Raises BusError if the team runs at a given router already."""
         is_given = bool(self.endpoint)
         if not is_given:
-            # Its endpoint is what all others connect to.
-            self._wait_for_router(self._start_router())
+            router = self._start_router()
+            self.supervisor.wait(
+                lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
+            )
+            self.endpoint = router.report.listening
+            if not self.endpoint:
+                # Its last line may still be on its way.
+                router.join(1.0)
+                why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
+                raise BusError("stopped" if self._stop.requested else why)
         options = self._options_of(self._name)
         self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         if self.links is not None:
@@ -166,10 +172,8 @@ class Processes:
 
     def _start_router(self) -> Process:
         """Start a router that reports its endpoint when it listens. A router on demand gives up the default endpoint.
-
         With certificates it listens over TLS, and lets in those that are valid. If the team's processes are started
-        again, it is too, at its endpoint.
-        """
+        again, it is too, at its endpoint."""
         listen = self._listen or DEFAULT_ENDPOINT
         options = RouterOptions((listen,), lease=self.lease, for_team="starts" if self._listen is None else "")
         if self.certificates is not None:
@@ -222,18 +226,6 @@ class Processes:
                 raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")
             self._issue([name])
         return self.environment(name)
-
-    def _wait_for_router(self, router: Process) -> None:
-        """Learn the endpoint of the team's own router. Raises BusError if it does not listen."""
-        self.supervisor.wait(
-            lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
-        )
-        self.endpoint = router.report.listening
-        if not self.endpoint:
-            # Its last line may still be on its way.
-            router.join(1.0)
-            why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
-            raise BusError("stopped" if self._stop.requested else why)
 
     def close(self) -> None:
         """End the session, and kill what still runs."""

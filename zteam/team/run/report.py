@@ -19,21 +19,9 @@ from zteam.node.lockstep import RoundTiming
 from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.chaos.carry_out import ChaosReport
-from zteam.team.launch.process import PROC, Usage, measure_usage
+from zteam.team.launch.process import PROC, ProcessReport
 
 S = TypeVar("S")
-
-
-class ProcessReport(msgspec.Struct):
-    """One process of the run; memory at its peak."""
-
-    name: str
-    pid: int
-    exit: int | None
-    restarts: int
-    rss_mb: float
-    pss_mb: float
-    cpu_seconds: float
 
 
 class RunReport(RunFigures, kw_only=True):
@@ -93,17 +81,6 @@ def _read_all(bus: Bus, service: str, kind: type[S]) -> list[tuple[str, S]]:
     """The answers of every process that answers, with its name."""
     answers = bus.query(names.service_key("*", service), kind, timeout=_ANSWER_LIMIT)
     return [(key.partition("/")[0], answer) for key, answer in answers]
-
-
-def process_row(
-    name: str, pid: int, code: int | None = 0, restarts: int = 0, usage: Usage | None = None
-) -> ProcessReport:
-    """One process; without `usage` with what it uses now."""
-    if usage is None:
-        usage = Usage()
-        measure_usage(pid, usage)
-    memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
-    return ProcessReport(name, pid, code, restarts, *memory, round(usage.cpu_seconds, 2))
 
 
 def check_writable(path: Path) -> None:

@@ -16,7 +16,6 @@ from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import Pace, TeamLaunch, with_faults
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.supervisor import Member
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
@@ -65,9 +64,6 @@ def run_team(
     stop, signals = Stop(), Stop()
     signals.on_request(lambda: stop.request(signals.reason))
 
-    def on_end(node: Member) -> None:
-        stop.request(f"{node.name} ended")
-
     def carry_out() -> RunReport | None:
         run.start()
         run.watch()
@@ -79,7 +75,7 @@ def run_team(
             members := Threads(nodes, bus, stop, prefix_log=True),
             launch,
             stop,
-            on_end=on_end,
+            on_end=lambda node: stop.request(f"{node.name} ended"),
             since_start=lambda: monotonic() - began,
         ) as run,
     ):

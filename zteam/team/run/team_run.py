@@ -27,11 +27,11 @@ from zteam.robot.client import StartRequest
 from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
 from zteam.team.launch.plan import MEMBER, LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
-from zteam.team.launch.process import exit_text
+from zteam.team.launch.process import ProcessReport, exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Member
 from zteam.team.run.processes import claim_namespace
-from zteam.team.run.report import RunReport, process_row, read_report, seconds_since_start
+from zteam.team.run.report import RunReport, read_report, seconds_since_start
 
 if TYPE_CHECKING:
     from zteam.team.run.processes import Processes
@@ -175,11 +175,8 @@ class TeamRun:
         return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
-        """Wait for the end of the run, of all its members, or for the stop request.
-
-        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
-        launcher's start.
-        """
+        """Wait for the end of the run, of all its members, or for the stop request. Raises ZteamError if the run cannot
+        reach its end, or has not begun within `go_timeout` host seconds of the launcher's start."""
         progress, supervisor, missing = self._progress, self.supervisor, list[str]()
         assert progress is not None
 
@@ -230,12 +227,14 @@ class TeamRun:
         self.chaos = None if self._end_faults is None else self._end_faults()
         self.supervisor.measure()
         # Measured while the others run: afterwards the pages that are shared with them would be counted here alone.
-        own = [process_row(name, pid) for name, pid in self.members.pids.items()]
+        own = [ProcessReport(name, pid, exit=0).measure() for name, pid in self.members.pids.items()]
         self._stop_all()
         if report is None or self._progress is None:
             return None
         restarts, children = dict(self.supervisor.restarts), self.supervisor.processes.values()
-        rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
+        for p in children:
+            p.usage.exit, p.usage.restarts = p.exit_code, restarts.get(p.name, 0)
+        rows = [p.usage for p in children]
         report.processes, report.restarts, go_after = [*rows, *own], restarts, self._progress.go_after
         report.wall_seconds = round(self._progress.wall or self._since_start(), 3)
         report.go_after_seconds = None if go_after is None else round(go_after, 3)

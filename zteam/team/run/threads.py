@@ -230,11 +230,9 @@ class NodeThread:
 
 
 class Threads:
-    """The members as threads of this process, and nodes of the team file as processes beside it.
-
-    Use as: `with TeamRun(Threads(...), launch) as run: run.open(); run.members.beside_simulator(work)`, where `work`
-    starts the run, watches it and finishes it.
-    """
+    """The members as threads of this process, and nodes of the team file as processes beside it. Use as: `with
+    TeamRun(Threads(...), launch) as run: run.open(); run.members.beside_simulator(work)`, where `work` starts the run,
+    watches it and finishes it."""
 
     def __init__(
         self,
@@ -282,33 +280,28 @@ class Threads:
         self._ends.callback(self._calls.start(launch.pace, in_real_time=self._ends_calls))
 
     def open(self) -> None:
-        """Have a session. Raises BusError if the team runs outside already."""
-        if self._options is not None:
-            self.tools_bus = self._open_outside(self._options)
+        """Have a session. Without `--connect` the router outside is one of this process, where `zteam up` has its own.
+        Raises BusError if the team runs outside already."""
+        given = self._options
+        if given is not None:
+            lease, self.endpoint = lease_for(self._pace, given.lease), given.connect or ""
+            if not self.endpoint:
+                router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
+                self._ends.callback(router.close)
+                self.endpoint = router.endpoint
+            joined = msgspec.structs.replace(given, connect=self.endpoint, lease=lease, small=False)
+            self._environment = node_environment(joined)
+            self.tools_bus = connect(joined, patience=ROUTER_DEADLINE, stopping=self._stop)
+            self._ends.callback(self.tools_bus.close)
         self._sessions = NodeSessions(self.tools_bus)
         self._ends.callback(self._sessions.close)
         self.bus = self._sessions.bus(self._name)
-        if self._options is not None and self._options.connect is not None:
+        if given is not None and given.connect is not None:
             refuse_second_team(self.bus, (*self.parts, *self._plan.jobs))
 
-    def _open_outside(self, options: BusOptions) -> Bus:
-        """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
-        lease, endpoint = lease_for(self._pace, options.lease), options.connect
-        if endpoint is None:
-            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
-            self._ends.callback(router.close)
-            endpoint = router.endpoint
-        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
-        bus = connect(joined, patience=ROUTER_DEADLINE, stopping=self._stop)
-        self._ends.callback(bus.close)
-        self.endpoint, self._environment = endpoint, node_environment(joined)
-        return bus
-
     def beside_simulator(self, work: Callable[[], R]) -> R:
-        """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
-
-        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
-        """
+        """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result. In
+        lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal."""
         simulator = self._make(names.SIMULATOR)
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator, Job(()))
 

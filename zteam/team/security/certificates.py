@@ -175,10 +175,8 @@ class Authority:
         self.index.team, self.index.rights, self.index.namespace = team, dict(rights), namespace
 
     def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
-        """The next certificate of each name; none of them outlives the authority. Raises ZteamError.
-
-        That of the router stands for loopback and `hosts`; all others stand for no host.
-        """
+        """The next certificate of each name; none of them outlives the authority. Raises ZteamError. That of the router
+        stands for loopback and `hosts`; all others stand for no host."""
         for name in names:
             self._check_name(name)
         places, own = places_of([*_LOOPBACK, ROUTER, *hosts]), self._load_authority()
@@ -352,11 +350,9 @@ def open_authority(folder: Path, *, make: bool = False) -> Iterator[Authority]:
 
 
 def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: str, names: Iterable[str]) -> list[str]:
-    """Make what is missing for the processes `names` of a team; what the user is to be warned of, one line each.
-
-    Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
-    has no certificate that is valid.
-    """
+    """Make what is missing for the processes `names` of a team; what the user is to be warned of, one line each. Where
+    the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process has no
+    certificate that is valid."""
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]

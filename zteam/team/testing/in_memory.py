@@ -74,15 +74,12 @@ class RunningNode:
         clock: ClockMode = "auto",
     ) -> None:
         """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
-
         `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The
-        end of the `with` stops and closes the node, and raises the error that ended it.
-        """
+        end of the `with` stops and closes the node, and raises the error that ended it."""
         self.bus: Bus = hub.bus()
         """The test's own session, which is the node's simulator too."""
-        self._stop = Stop()
+        self._stop, self._body = Stop(), body
         self.node = Node(name, hub.bus(), self._stop, clock)
-        self._body = body
         self._robots = np.array(sorted(robots), np.int32)
         self._epoch, self._tick = 1, 0
         self._failure: BaseException | None = None
@@ -139,10 +136,8 @@ class RunningNode:
         self._publisher(key, type(message)).put(message)
 
     def tick(self) -> Twist | None:
-        """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process.
-
-        Raises what `step` or a callback raised, and BusError where an input declared with `every_tick` is missing.
-        """
+        """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process. Raises
+        what `step` or a callback raised, and BusError where an input declared with `every_tick` is missing."""
         self._answers.clear()
         self._send_tick(self.node.name)
         self._tick += 1

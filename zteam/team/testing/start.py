@@ -2,7 +2,7 @@
 UsageError."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from zteam import names
@@ -51,21 +51,20 @@ def robot_tables(
 
 def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
     """Own nodes by name as functions that this process runs."""
-    _check_nodes(nodes, here=True)
-    return {name: find_body(name, body) if isinstance(body, str) else body for name, body in nodes.items()}
+    return {name: find_body(name, b) if isinstance(b, str) else b for name, b in _checked(nodes, here=True)}
 
 
 def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[str, Job]:
     """Own nodes by name as processes; their modules are looked for in `folders` too."""
-    _check_nodes(nodes, here=False)
-    options = {name: NodeOptions(name, str(body), (*folders, "")) for name, body in nodes.items()}
+    options = {name: NodeOptions(name, str(body), (*folders, "")) for name, body in _checked(nodes, here=False)}
     return {name: Job(MEMBER, words=to_line(name, each)) for name, each in options.items()}
 
 
-def _check_nodes(nodes: Mapping[str, object], *, here: bool) -> None:
+def _checked(nodes: Mapping[str, Body | str], *, here: bool) -> Iterator[tuple[str, Body | str]]:
     for name, body in nodes.items():
         if problem := names.name_problem(name):
             raise UsageError(f"team.start: node {name!r}: {problem}")
         if not (isinstance(body, str) or (here and callable(body))):
             text = "give text 'module:function', or with in_process=True the function itself"
             raise UsageError(f"team.start: nodes[{name!r}] is {body!r:.60}: {text}")
+        yield name, body

@@ -66,10 +66,8 @@ numbers = itertools.count(1)
 
 
 class TeamFixture:
-    """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose.
-
-    The router is started when it is needed.
-    """
+    """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose. The router
+    is started when it is needed."""
 
     def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
         """`rootdir` is that of pytest: the team's processes look for modules there, too. With `live` the lines of the
@@ -93,10 +91,8 @@ class TeamFixture:
         self._ends.callback(self._watch.stacks.cleanup)
 
     def _opened(self) -> Watch:
-        """The watch, with a router and the test's own session.
-
-        All calls that look at the team come here, so they fail for a process that has failed.
-        """
+        """The watch, with a router and the test's own session. All calls that look at the team come here, so they fail
+        for a process that has failed."""
         self._watch.check()
         if self._run.state is RunState.NEW:
             self._run.open()
@@ -155,15 +151,13 @@ class TeamFixture:
                 leave()
             else:
                 # What hangs was told to end when it was noticed.
-                close_in_time(leave, _SHORT_GRACE if self._watch.hangs else GRACE)
+                close_in_time(leave, _SHORT_GRACE if self._run.members.hangs else GRACE)
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment that makes any zteam command join this team; a secure team takes it for people's tools.
-
-        With it a Python program finds modules where the test does, behind its own, and a node ends some seconds after
-        the team.
-        """
+        """Environment that makes any zteam command join this team; a secure team takes it for people's tools. With it a
+        Python program finds modules where the test does, behind its own, and a node ends some seconds after the
+        team."""
         paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
         return {
             **self._opened_processes("environment").environment(OPERATOR),
@@ -378,10 +372,8 @@ class TeamFixture:
     def stop(self, name: str) -> int: ...
 
     def stop(self, name: str | None = None, *, robots: Collection[int] | None = None) -> int | None:
-        """Stop the robots where they are, all or these, as `zteam stop` does, until `release`.
-
-        With the `name` of a process: ask that process to end (SIGTERM), or a node in this process; its exit code.
-        """
+        """Stop the robots where they are, all or these, as `zteam stop` does, until `release`. With the `name` of a
+        process: ask that process to end (SIGTERM), or a node in this process; its exit code."""
         if name is None:
             _need_confirmed(self._stops("stop").engage(robots))
             return None
@@ -486,11 +478,9 @@ class TeamFixture:
         return self
 
     def until(self, condition: Callable[[], bool], within: float) -> None:
-        """Let the world go on until `condition()`, checked after every tick; fail after `within` simulated seconds.
-
-        In real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute
-        of the host fails too.
-        """
+        """Let the world go on until `condition()`, checked after every tick; fail after `within` simulated seconds. In
+        real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute of
+        the host fails too."""
         self._need_team("until")
         self._watch.until(condition, within)
 

@@ -90,8 +90,6 @@ class Watch:
         self._at_end = False
         self.may_end: set[str] = set()
         """Processes that may end or hang."""
-        self.hangs: dict[str, str] = {}
-        """How processes hang, in words."""
         self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
@@ -158,8 +156,7 @@ class Watch:
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
-        self.hangs.update(self.team_run.members.hangs)
-        for name, text in self.hangs.items():
+        for name, text in self.team_run.members.hangs.items():
             if name not in self.may_end:
                 raise TeamFailure(text)
         for process in self.team_run.supervisor.failures:
@@ -267,10 +264,8 @@ class Watch:
             self.interval = status.interval if status.lockstep else 0
 
     def take_status(self, status: SimStatus) -> None:
-        """Notice the processes that were left behind, and wait for the end of those that left.
-
-        They are gone in the world's time; the end of their processes takes the host's.
-        """
+        """Notice the processes that were left behind, and wait for the end of those that left. They are gone in the
+        world's time; the end of their processes takes the host's."""
         self._note_left_behind(status)
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
@@ -300,10 +295,12 @@ class Watch:
         self.take_log(name, message.level, message.msg)
 
     def _has_ended_or_joined(self, name: str) -> bool:
-        process, status = self.member(name), self.status()
-        if process.exit_code is not None:
-            process.join(START_LIMIT)
-        return process.exit_code is not None or name in status.participants or name in status.joining
+        process = self.member(name)
+        return process.join(START_LIMIT) if process.exit_code is not None else self._takes_part(name)
+
+    def _takes_part(self, name: str) -> bool:
+        status = self.status()
+        return name in status.participants or name in status.joining
 
     def _note_left_behind(self, status: SimStatus) -> None:
         for name in status.hung:
@@ -312,11 +309,12 @@ class Watch:
 
     def _note_hang(self, name: str, how: str) -> None:
         """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
-        if name in self.hangs or name in self.may_end:
+        hangs = self.team_run.members.hangs
+        if name in hangs or name in self.may_end:
             return
         where = where_it_is(self.stacks.name, name)
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
-        self.hangs[name] = f"{name} hangs: {text}"
+        hangs[name] = f"{name} hangs: {text}"
 
     def _look_for_hangs(self) -> None:
         """Lock-step: notice the processes that were left behind, where the test sees what the team does: its router and
@@ -419,13 +417,9 @@ class Watch:
         """Wait until a process is there that was started again; in lock-step, until it takes part in the next tick."""
         self.wait_for_processes(name)
 
-        def takes_part() -> bool:
-            status = self.sim.status()
-            return name in status.joining or name in status.participants
-
         kind = kind_of(name)
         may_take_part = kind is not None and kind.in_lockstep
-        if self.interval and may_take_part and not self.wait(takes_part):
+        if self.interval and may_take_part and not self.wait(lambda: self._takes_part(name)):
             raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
 
     def wait_until_left(self, name: str) -> None:

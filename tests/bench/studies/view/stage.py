@@ -11,7 +11,7 @@ from studies.launching import LIMIT, Launch, launch
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.messages import Clock, Twist, Vector3
-from zteam.team.launch.process import Usage
+from zteam.team.launch.process import ProcessReport
 
 TOKEN = "bench"
 SPACING = 2.0
@@ -50,10 +50,10 @@ class Stage(NamedTuple):
     port: int
     """Of the view's page."""
 
-    def view_usage(self) -> Usage:
+    def view_usage(self) -> ProcessReport:
         """Memory of the view's process at its peak."""
         process = self.processes.supervisor.processes["view"]
-        process.measure()
+        process.usage.measure()
         return process.usage
 
     @property

@@ -8,7 +8,7 @@ import pytest
 import zteam
 from zteam.cli.up import main
 from zteam.config.fault import Fault
-from zteam.team.chaos.plan import plan_text
+from zteam.team.chaos.means import plan_text
 
 PAUSE = Fault(at=2.0, fault="pause", name="robot_1", seconds=1.0)
 CUT = Fault(at=2.0, fault="cut", name="robot_1", seconds=1.0)

@@ -7,7 +7,7 @@ import pytest
 
 from zteam.config.fault import Fault
 from zteam.errors import ConfigError, UsageError
-from zteam.team.chaos.plan import choose_plan, describe, plan_text, random_plan, read_plan
+from zteam.team.chaos.means import choose_plan, describe, plan_text, random_plan, read_plan
 
 TEAM = ["sim", "tf", "monitor", "router", "robot_0", "robot_1"]
 

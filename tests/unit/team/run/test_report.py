@@ -18,12 +18,11 @@ from zteam.errors import BusError, UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
 from zteam.robot.client import SafetyReply
 from zteam.simulator.client import Gap, Latency, RobotReport, SimReport, Timing
+from zteam.team.launch.process import ProcessReport
 from zteam.team.run.report import (
-    ProcessReport,
     RunReport,
     check_writable,
     format_report,
-    process_row,
     read_report,
     write_report,
 )
@@ -177,7 +176,8 @@ def test_a_silent_simulator_is_an_error() -> None:
 
 def test_the_launcher_is_a_process_too() -> None:
     """The launcher has a row with its process id, memory and processor time."""
-    row = process_row("up", os.getpid())
+    row = ProcessReport("up", os.getpid(), exit=0)
+    row.measure()
     assert (row.name, row.pid, row.exit, row.restarts) == ("up", os.getpid(), 0, 0)
     assert 1 < row.pss_mb <= row.rss_mb
     assert row.cpu_seconds > 0
