@@ -146,16 +146,20 @@ class Connections:
             if stranger is None:
                 return False
             self.end(stranger)
-        self._open.pop(transport, None)
+        self._forget(transport)
         self._kept[transport] = trusted
         return True
 
     def close(self, transport: asyncio.Transport) -> None:
+        self._forget(transport)
         self._kept.pop(transport, None)
+
+    def _forget(self, transport: asyncio.Transport) -> None:
         if timer := self._open.pop(transport, None):
             timer.cancel()
 
     def end(self, *transports: asyncio.Transport) -> None:
+        """End these, or all."""
         for transport in transports or (*self._open, *self._kept):
             transport.abort()
             self.close(transport)

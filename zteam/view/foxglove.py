@@ -325,19 +325,17 @@ def _settings(key: str, kind: type[Message] | None) -> dict[str, Any] | None:
 def write_layout(node: ProcessNode, path: FilePath, show: Callable[[str], None]) -> None:
     """Write the layout of the topics that are there now. Raises ZteamError without a robot, UsageError for the file."""
     keys: dict[str, type[Message] | None] = {}
+    has_robot = False
     for _ in range(LOOKS):
         keys = shown_keys(node.bus.declarations())
+        has_robot = any(names.split_robot_key(key) is not None for key in keys)
         # A session that has just opened may not know all others yet.
-        if _has_robot(keys) or node.wait(lambda: node.stopping, PAUSE):
+        if has_robot or node.wait(lambda: node.stopping, PAUSE):
             break
-    if not _has_robot(keys):
+    if not has_robot:
         raise ZteamError("--foxglove-layout: no robot is there: start the team first (zteam up)")
     try:
         path.write_bytes(msgspec.json.format(msgspec.json.encode(layout_of(keys)), indent=1) + b"\n")
     except OSError as error:
         raise UsageError(f"--foxglove-layout {path}: {error.strerror or error}") from None
     show(f"{path}: a layout of {len(keys)} topics; open it in Foxglove or Lichtblick (Layouts, import from file)")
-
-
-def _has_robot(keys: Iterable[str]) -> bool:
-    return any(names.split_robot_key(key) is not None for key in keys)

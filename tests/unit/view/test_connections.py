@@ -64,11 +64,11 @@ def has_ended(client: socket.socket) -> bool:
     ],
 )
 def test_connections_that_wait_keep_no_page_away(view: View, caplog: pytest.LogCaptureFixture, sent: bytes) -> None:
-    """Six times as many as the server takes, with nothing, parts, wholes or more of a request: a page still opens, what
+    """Three times as many as the server takes, with nothing, parts, wholes or more of a request: a page opens, what
     has waited longest is closed, and the log does not speak of each."""
     with ExitStack() as ends:
         clients = []
-        for _ in range(6 * MOST):
+        for _ in range(3 * MOST):
             client = ends.enter_context(socket.create_connection(("127.0.0.1", view.port), LIMIT))
             clients.append(client)
             with suppress(BrokenPipeError, ConnectionResetError):

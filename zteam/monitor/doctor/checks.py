@@ -80,7 +80,8 @@ def check_stops(facts: Facts) -> Iterator[Finding]:
     held = set(facts.sim.stopped if facts.sim else ())
     held |= {i for i, status in facts.statuses.items() if status.is_stopped and i in facts.robots}
     if held:
-        yield problem("stop", f"'zteam stop' holds robot {format_robot_ids(sorted(held))}", "zteam stop --release")
+        noun = "robot" if len(held) == 1 else "robots"
+        yield problem("stop", f"'zteam stop' holds {noun} {format_robot_ids(sorted(held))}", "zteam stop --release")
 
 
 def check_readiness(facts: Facts) -> Iterator[Finding]:

@@ -188,7 +188,7 @@ class TeamWatch:
             is_new = robot_id not in self._team.members
             self._team.take_token(robot_id, alive)
             if is_new and (status := self._seen.robot(robot_id).status):
-                self._team.take_status(robot_id, status, monotonic())
+                self._on_status(self._seen.robot(robot_id), status)
         elif not alive:
             self.servers_gone[name] = "{} is gone: {}".format(*_SERVERS[name])
             self._team.tell("process", None, self.servers_gone[name])
@@ -213,16 +213,14 @@ class TeamWatch:
         # It may be this process that hears nothing.
         is_deaf = self._woke > before or (is_silent and not self._node.reaches_others())
         with self._node.changed:
+            now = monotonic()
             if is_deaf:
-                self._team.forgive_silence(monotonic())
-            self._take_losses(monotonic())
-
-    def _take_losses(self, now: float) -> None:
-        for name in self._losses.take_due(now):
-            self._take(name, False)
-        if self._losses.trusted(now):
-            self._team.check_silence(now)
-            self._team.check_leaders(now)
+                self._team.forgive_silence(now)
+            for name in self._losses.take_due(now):
+                self._take(name, False)
+            if self._losses.trusted(now):
+                self._team.check_silence(now)
+                self._team.check_leaders(now)
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""

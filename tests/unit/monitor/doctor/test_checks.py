@@ -294,7 +294,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
             sim=sim_status(stopped=[1]),
             statuses={0: robot_status(0, is_stopped=True, reason="stopped"), 1: robot_status(1)},
         ),
-        "problem stop: 'zteam stop' holds robot 0, 1 -> zteam stop --release",
+        "problem stop: 'zteam stop' holds robots 0, 1 -> zteam stop --release",
     ),
     "one stopped": (
         team_facts(sim=sim_status(stopped=[1])),

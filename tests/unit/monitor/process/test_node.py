@@ -110,15 +110,18 @@ def test_the_team_status_is_published_on_change(hub: MemoryHub, open_desk: Open)
 
 
 def test_a_wrong_key_is_counted_and_ignored(hub: MemoryHub, open_desk: Open) -> None:
-    """A status under another robot's key, or bytes that are none, change the counters and nothing else."""
-    desk = open_desk(0, 1)
+    """A status under another robot's key, also before that robot's process, or bytes that are none, change the counters
+    and nothing else."""
+    desk = open_desk(team_size=2)
     Robot(hub, 0).say()
     liar = hub.bus().publisher(names.robot_key(1, names.STATUS), RobotStatus)
+    lie = RobotStatus(robot_id=0, is_ready=True, state=RobotState.READY)
+    liar.put(lie)
     Robot(hub, 1)
-    liar.put(RobotStatus(robot_id=0, is_ready=True, state=RobotState.READY))
+    liar.put(lie)
     hub.bus().transport.declare_publisher(names.robot_key(1, names.STATUS), "", False).put(b"\x00\x01\x00\x00nonsense")
     desk.look()
-    assert desk.node.bus.counters.snapshot()["robot_1/status"].dropped == 2
+    assert desk.node.bus.counters.snapshot()["robot_1/status"].dropped == 4
     assert desk.told("ready", "go") == [("ready", 0)]
 
 
