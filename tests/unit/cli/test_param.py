@@ -78,7 +78,7 @@ def test_set_changes_values(run: Run) -> None:
     ("words", "code", "text"),
     [
         ("set 0 speed -1", 2, "robot_0: behaviour wander: speed: a number of at least 0 is expected"),
-        ("set 0-2 speed 1", 1, "no process robot_1 with parameters: 'zteam param list' shows those that there are"),
+        ("set 0-2 speed 1", 1, "no process robot_1 with parameters; there is robot_0, robot_2, robot_10"),
         ("get 0 sped", 2, "robot_0: no parameter 'sped' (did you mean speed?); wander takes speed, "),
         ("list x*", 1, "no process x* with parameters; there is robot_0, robot_2, robot_10"),
         ("dump *", 2, "dump *: name one robot"),

@@ -89,7 +89,7 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot read"):
         read_map(tmp_path / "none.yaml")
     (tmp_path / "list.yaml").write_text("- 1")
-    with pytest.raises(UsageError, match="not a map_server YAML"):
+    with pytest.raises(UsageError, match="a table is expected"):
         read_map(tmp_path / "list.yaml")
     path = write(tmp_path, SHADES)
     (tmp_path / "m.pgm").write_bytes(b"P5 9 9 255\n")
