@@ -65,6 +65,9 @@ def test_a_robot_follows_a_leader_on_another_host(make_hosts: Callable[[float], 
     }
     odom = hosts.start("a", "zteam", "topic", "echo", "robot_1/odom", "--json", **operator)
     drives = odom.wait_for(lambda line: _speed(line) > 0.1)
+    doctor = json.loads(hosts.run("a", "zteam", "doctor", "--json", **operator)[-1])
+    (clocks,) = (finding["text"] for finding in doctor if finding["what"] == "clocks")
+    assert clocks.startswith("the clock of host-b is 1.0")
     hosts.connect(False)
     stands = odom.wait_for(lambda line: _speed(line) == 0.0, drives)
     lost = team.wait_for(lambda line: "robot_1 lost" in line)

@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from zteam import names
+from zteam.bus.lateness import CLOCKS_APART, LATE
 from zteam.bus.receiving import KeyCount
-from zteam.clock import to_seconds
+from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
@@ -380,10 +381,29 @@ def check_strangers(facts: Facts) -> Iterator[Finding]:
         yield note("sessions", f"{count} at the router of programs that are none of zteam's: {shown}")
 
 
+_HARMLESS = CLOCKS_APART + 0.5 * LATE
+"""Seconds between two clocks that do not make a command late."""
+_SET_CLOCKS = "let one time server (NTP) set the clocks of both"
+
+
+def check_clocks(facts: Facts) -> Iterator[Finding]:
+    """Hosts whose clock differs; a second does no harm to a team, but lines of its logs do not fit together."""
+    for host, clock in sorted(facts.clocks.items()):
+        if abs(clock.ahead) - clock.error > APART:
+            side = "ahead of" if clock.ahead > 0.0 else "behind"
+            bound = f"within {1e3 * clock.error:.1f} ms"
+            text = f"the clock of {host} is {abs(clock.ahead):.2f} s {side} this host's ({bound})"
+            if abs(clock.ahead) <= _HARMLESS:
+                yield note("clocks", f"{text}: only their logs do not fit together", _SET_CLOCKS)
+            else:
+                yield problem("clocks", f"{text}: commands may count as late", _SET_CLOCKS)
+
+
 _CHECKS = (
     check_processes,
     check_floods,
     check_strangers,
+    check_clocks,
     check_world,
     check_robots_of_world,
     check_followers,

@@ -10,11 +10,11 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, find_strangers, read_admin
 from zteam.bus.transport import Declaration, RawSample
-from zteam.clock import monotonic, pause, wait_until
+from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DecodeError
 from zteam.messages import (
     LaserScan,
@@ -27,7 +27,7 @@ from zteam.messages import (
 )
 from zteam.messages.message import zeros
 from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
-from zteam.monitor.doctor.facts import Facts, Load, UnusableMessages
+from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
 from zteam.transforms import Buffer
@@ -36,6 +36,10 @@ from zteam.transforms.lasers import LaserMounts, LaserProblem
 
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
+_CLOCK_QUESTIONS = 3
+"""To each host; the answer that came soonest counts."""
+_MOST_HOSTS = 16
+"""Whose clocks are compared: an answer may name any host."""
 _MAX_ROUTERS = 32
 """Other routers that are asked."""
 
@@ -86,6 +90,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         loads=_loads(survey, name_of, {node.instance for node in nodes}),
         tick_rate=max(0, after.tick - before.tick) / seconds if before and after else 0.0,
         strangers=strangers,
+        clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
@@ -120,6 +125,21 @@ def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declarati
         with survey.changed:
             wait_until(survey.changed, lambda: due <= survey.newest.keys(), LONGER)
     return survey
+
+
+def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
+    """The clocks of all hosts of the team, told by one process of each."""
+    found: dict[str, HostClock] = {}
+    hosts = {node.host: node.name for node in nodes if node.now}
+    for host, name in [*hosts.items()][:_MOST_HOSTS]:
+        for _ in range(_CLOCK_QUESTIONS):
+            begin, asked = wall_ns(), monotonic()
+            answers = find_processes(bus, name)
+            error = 0.5 * (monotonic() - asked)
+            times = [info.now for info in answers if info.host == host]
+            if times and (host not in found or error < found[host].error):
+                found[host] = HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4))
+    return found
 
 
 def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:

@@ -66,6 +66,15 @@ class Load(msgspec.Struct, frozen=True):
     """Bytes a host second on all keys."""
 
 
+class HostClock(msgspec.Struct, frozen=True):
+    """The clock of a host, compared with this host's."""
+
+    ahead: float
+    """Seconds; negative if it is behind."""
+    error: float
+    """The most that `ahead` may be wrong: half the time that question and answer took."""
+
+
 class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """One team. An empty field says that nothing of the kind was heard."""
 
@@ -100,6 +109,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Ticks of the simulator in a host second."""
     strangers: Sequence[str] = ()
     """Sessions at the router that are none of zteam's, as text, with their addresses."""
+    clocks: Mapping[str, HostClock] = {}
+    """The clocks of other hosts, by host."""
     namespace: str = ""
     """Where the look was made; empty for no namespace."""
     elsewhere: Mapping[str, Sequence[str]] = {}

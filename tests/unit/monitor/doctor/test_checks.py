@@ -24,7 +24,7 @@ from zteam.messages import (
 )
 from zteam.monitor.doctor import checks
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Finding, Load, UnusableMessages
+from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Load, UnusableMessages
 from zteam.monitor.doctor.maps import check_map_file, compare_with_world
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, SimStatus
@@ -172,6 +172,17 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     "strangers": (
         team_facts(strangers=["session abc, tcp/10.0.0.7:40000"]),
         "note sessions: 1 session at the router of programs that are none of zteam's: session abc, tcp/10.0.0.7:40000",
+    ),
+    "clock ahead": (
+        team_facts(clocks={"lab": HostClock(1.0, 0.002)}),
+        "note clocks: the clock of lab is 1.00 s ahead of this host's (within 2.0 ms): only their logs … -> let one …",
+    ),
+    "clock behind": (
+        team_facts(clocks={"lab": HostClock(-3.0, 0.002)}),
+        "problem clocks: the clock of lab is 3.00 s behind … -> let one time server (NTP) set the clocks of both",
+    ),
+    "clocks that may agree": (
+        team_facts(clocks={"a": HostClock(0.2, 0.0), "b": HostClock(-0.2, 0.0), "c": HostClock(1.0, 0.9)}),
     ),
     "another namespace": (
         Facts(namespace="mine", elsewhere={"lab": ["sim", "robot_1"], "": ["tf"]}),
