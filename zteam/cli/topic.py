@@ -6,13 +6,14 @@ import statistics
 import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from functools import partial
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Publisher
-from zteam.bus.graph import Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
+from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import (
@@ -32,7 +33,7 @@ from zteam.clock import AutoClock, monotonic, pause, to_seconds
 from zteam.config.numbers import counted, format_rate
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError, ZteamError, printable
-from zteam.messages import Message, Time, decode, message_type, time_from_ns, to_json, type_of_encoding
+from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
 from zteam.node.output import print_block, print_json, print_line
@@ -64,6 +65,9 @@ def publish(args: argparse.Namespace) -> None:
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
         graph = find_graph(bus)
+        heard = _heard_encoding(bus, key) if known is None and graph.publishers(key) else ""
+        if heard.startswith("application/cdr;") and heard != encoding_of(kind):
+            raise UsageError(f"{key} carries {heard.partition(';')[2]}, not {kind.ros_type}")
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
         how = (
@@ -94,6 +98,19 @@ def _list_subscribers(bus: Bus, key: str, publisher: Publisher[Message], graph: 
     found = graph.subscribers(key) or find_graph(bus).subscribers(key)
     unnamed = "subscribers that tell no name (frozen, or no processes of zteam)"
     return f"{counted(len(found), 'subscriber')}: {', '.join(found)}" if found else unnamed
+
+
+def _heard_encoding(bus: Bus, key: str) -> str:
+    """The encoding of a message on the key, or of its latched one; empty if none comes."""
+    heard, waiter = list[str](), Waiter()
+
+    def take(sample: RawSample) -> None:
+        heard.append(sample.encoding)
+        waiter.notify()
+
+    with closing(bus.subscribe_raw(key, take, latched=True)):
+        waiter.wait(lambda: bool(heard), SURVEY, "")
+    return heard[0] if heard else ""
 
 
 def _say(text: str) -> None:

@@ -16,6 +16,7 @@ from zteam.bus import Bus, BusOptions, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.options import client_config
 from zteam.bus.transport import RawSample
+from zteam.cli import topic
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
 from zteam.simulator.client import SimStatus
@@ -91,8 +92,32 @@ def test_a_type_that_the_key_does_not_carry_is_refused(tools: MemoryHub, run: Ru
     assert heard == []
 
 
+@pytest.mark.parametrize("latched", [True, False])
+def test_a_type_that_is_not_heard_on_the_key_is_refused(
+    latched: bool, tools: MemoryHub, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A key of the user's own carries what its publisher sends, once and latched, or all the time."""
+    monkeypatch.setattr(topic, "SURVEY", LIMIT)
+    publisher, over = open_named(tools, "lamp").publisher("lamp", Bool, latched=latched), threading.Event()
+
+    def publish() -> None:
+        publisher.put(Bool(True))
+        while not latched and not over.wait(0.005):
+            publisher.put(Bool(True))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        told = "zteam topic: lamp carries std_msgs/msg/Bool, not std_msgs/msg/String\n"
+        assert run("zteam topic pub -1 lamp String", 2).err == told
+        run("zteam topic pub -1 lamp Bool")
+    finally:
+        over.set()
+        thread.join(LIMIT)
+
+
 def test_a_new_key_carries_any_type(tools: MemoryHub, run: Run) -> None:
-    """One that is none of zteam's own."""
+    """A key that nothing publishes takes the first type that comes, and so does one whose publisher is silent."""
     heard = Inbox()
     tools.bus().subscribe("note", String, heard)
     tools.bus().publisher("note", Bool)
