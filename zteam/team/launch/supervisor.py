@@ -68,6 +68,12 @@ class _Place(msgspec.Struct, eq=False):
     """Starts it again."""
 
 
+def _call_off(place: _Place) -> None:
+    if place.timer is not None:
+        place.timer.cancel()
+        place.timer = None
+
+
 class Supervisor:
     """Members of a team by name. When this process ends, its children read the end of their links and stop."""
 
@@ -112,14 +118,16 @@ class Supervisor:
         return self.restart(name)
 
     def restart(self, name: str) -> Member:
-        """Start a member again as before."""
+        """Start a member again as before, in place of a restart that waits for its time."""
+        place = self._places[name]
+        _call_off(place)
         if name in self.members:
             self.members[name].stopping = True
             self.members[name].kill()
             self.members[name].join(GRACE)
         self.ended.discard(name)
-        self._places[name].begun = monotonic()
-        member = self._places[name].begin()
+        place.begun = monotonic()
+        member = place.begin()
         with self.changed:
             self.members[name] = member
             self.changed.notify_all()
@@ -192,7 +200,6 @@ class Supervisor:
         with self._restarting:
             if place.timer is None:
                 return
-            place.timer = None
             self.restarts[name] = self.restarts.get(name, 0) + 1
             try:
                 self.restart(name)
@@ -207,9 +214,7 @@ class Supervisor:
         with self._restarting:
             for place in filter(None, map(self._places.get, names)):
                 place.job = msgspec.structs.replace(place.job, restarts=False)
-                if place.timer is not None:
-                    place.timer.cancel()
-                    place.timer = None
+                _call_off(place)
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, checked when `changed` is notified, for at most `timeout` s."""

@@ -136,6 +136,22 @@ def test_the_name_stands_for_the_newest_process(supervisor: Watched) -> None:
     assert supervisor.failed == []
 
 
+def test_a_start_by_hand_replaces_the_one_that_waits(
+    supervisor: Watched, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A process that is started again by hand, while its own restart waits, is not replaced when that is due."""
+    monkeypatch.setattr(supervising, "DELAYS", (0.3,))
+    flag = tmp_path / "flag"
+    fails_once = f"import pathlib\nflag = pathlib.Path({str(flag)!r})\nif not flag.exists():\n flag.touch()\n 1/0\n"
+    supervisor.run("a", fails_once + WAITING, restarts=True)
+    assert supervisor.wait(lambda: bool(supervisor.failed), LIMIT)
+    by_hand = supervisor.restart("a")
+    for thread in threading.enumerate():
+        if thread.name == "restart a":
+            thread.join(LIMIT)
+    assert supervisor.members["a"] is by_hand and by_hand.running
+
+
 def test_children_get_the_environment_asked_for(supervisor: Watched) -> None:
     """The given variables reach the child, besides those of this process."""
     code = "import os; print(os.environ['ZTEAM_NAMESPACE'], 'PATH' in os.environ)"
