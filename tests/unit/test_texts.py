@@ -13,6 +13,7 @@ from support.wordless.sitecustomize import FIELDS, KEPT, is_text, literal, looke
 PACKAGE = Path(__file__).resolve().parents[2] / "zteam"
 FOREIGN = {
     "bus/router.py": "Zenoh", "bus/transport.py": "Zenoh", "bus/tls.py": "OpenSSL", "cli/options.py": "argparse",
+    "cli/other_words.py": "users of ROS",
     "config/problems.py": "msgspec", "node/faults.py": "the system",
     "robot/teleop.py": "terminals", "team/file/sources.py": "tomllib", "view/files.py": "JavaScript",
 }  # fmt: skip

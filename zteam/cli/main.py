@@ -33,31 +33,6 @@ COMMANDS = {
     "bench": ("bench", "measure zteam on this machine"),
 }
 """Command -> (module in zteam.cli, or the command of a process; one line)."""
-MEANT = {
-    "up": "run start launch roslaunch team",
-    "topic": "rostopic topics",
-    "topic echo": "print cat show",
-    "topic pub": "publish send",
-    "tf echo": "tf_echo tf2_echo",
-    "tf tree": "view_frames rqt_tf_tree frames",
-    "tf monitor": "tf_monitor tf2_monitor",
-    "tf static": "static_transform_publisher",
-    "node": "rosnode",
-    "param": "rosparam params dynparam",
-    "sim pause": "pause halt",
-    "sim resume": "resume unpause play start continue",
-    "sim spawn": "spawn add create",
-    "sim remove": "remove delete kill",
-    "sim move": "move teleport place",
-    "teleop": "teleop_twist_keyboard key_teleop keyboard drive",
-    "map save": "map_saver map_saver_cli",
-    "goals": "send_goals waypoints patrol",
-    "goto": "navigate move_base send_goal navigate_to_pose",
-    "log": "rosout logs",
-    "doctor": "roswtf wtf",
-    "stop": "estop emergency_stop down end halt kill quit shutdown",
-}
-"""What ROS and other programs call a command or a subcommand. Of a word in several rows the shortest command counts."""
 PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "view", "router"))
 """The commands of the processes of a team."""
 
@@ -137,15 +112,16 @@ def _unknown(name: str, rest: Sequence[str]) -> str:
     """What to say of a word in the place of a command, before the words `rest`."""
     from pathlib import Path
 
+    from zteam.cli.other_words import commands_called
     from zteam.config.resources import existing_file, shipped_team
     from zteam.errors import did_you_mean
 
-    meant = sorted((command for command, words in MEANT.items() if name in words.split()), key=len)
     if shipped_team(name) or existing_file(Path(name)):
-        meant = [f"up {name}"]
+        return f"no command {name!r}: did you mean 'zteam {' '.join(['up', name, *rest])}'?"
+    meant = commands_called(name)
     if meant:
         hint = f": did you mean 'zteam {' '.join([meant[0], *rest])}'?"
-        hint += " (to end a team, press Ctrl+C where 'zteam up' runs)" if meant[0] == "stop" else ""
+        hint += " (to end a team, press Ctrl+C where 'zteam up' runs)" if "stop" in meant else ""
     elif name.startswith("-"):
         hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
     else:

@@ -13,7 +13,7 @@ import msgspec
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.main import MEANT
+from zteam.cli.other_words import commands_called
 from zteam.config.numbers import N, parse_number
 from zteam.errors import UsageError, ZteamError, did_you_mean
 from zteam.names import strip_slash
@@ -91,10 +91,10 @@ class Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            command = self.prog.removeprefix("zteam ")
-            meant = [verb for verb in action.choices if value in MEANT.get(f"{command} {verb}", "").split()]
-            near = _DID_YOU_MEAN.format(meant[0]) if meant else ""
-            near = near or did_you_mean(value, action.choices, most=2, form=_DID_YOU_MEAN)
+            command = self.prog.removeprefix("zteam ") + " "
+            meant = [own.removeprefix(command) for own in commands_called(value, command)][:1]
+            near = did_you_mean(value, action.choices, most=2, form=_DID_YOU_MEAN)
+            near = _DID_YOU_MEAN.format(meant[0]) if meant else near
             self.error(f"no subcommand {value!r}{near}")
         super()._check_value(action, value)
 

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, is_convex
+from zteam.geometry import Point2, Pose2, is_convex
 from zteam.kernels import simulator as kernels
 from zteam.kernels.binding import Floats
 from zteam.simulator.world.model import Device, Floorplan, Obstacle, Robot, Shape
@@ -64,22 +64,23 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
     return groups
 
 
-def solid_groups(groups: Sequence[Group]) -> list[Group]:
+ConvexParts = Callable[[Sequence[Point2]], list[tuple[Point2, ...]]]
+"""Cuts a simple polygon into convex ones."""
+
+
+def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
     solid = []
     for group in groups:
-        parts = [part for shape in group.shapes if shape.obstacle for part in _convex_parts(shape)]
+        parts: list[Shape] = []
+        for shape in group.shapes:
+            if shape.obstacle and is_convex(shape.points):
+                parts.append(shape)
+            elif shape.obstacle:
+                parts += [replace(shape, points=points) for points in convex_parts(shape.points)]
         if parts:
             solid.append(group._replace(shapes=parts))
     return solid
-
-
-def _convex_parts(shape: Shape) -> list[Shape]:
-    if is_convex(shape.points):
-        return [shape]
-    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
-
-    return [replace(shape, points=points) for points in convex_parts(shape.points)]
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:

@@ -154,7 +154,7 @@ class DynamicBodies:
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
-        solid = solid_groups(group_shapes(robots, obstacles))
+        solid = solid_groups(group_shapes(robots, obstacles), convex_parts)
         builder = _Builder(self._space, itertools.chain(*(group.shapes for group in solid)))
         for plan, lines in _find_walls([plan for plan, _ in plans if plan.obstacle]):
             builder.add_walls(plan, lines)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2
 from zteam.kernels.simulator import Bases, Floats, follow, move_all
 from zteam.simulator.core.casting import Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
 from zteam.simulator.world.model import Obstacle, Robot
@@ -48,6 +48,12 @@ def make_bodies(
     return KinematicBodies(robots, poses, plans, obstacles, tangents=physics == "stage")
 
 
+def _convex_parts(points: Sequence[Point2]) -> list[tuple[Point2, ...]]:
+    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
+
+    return convex_parts(points)
+
+
 class KinematicBodies:
     """Robots that stall instead of touching: a move that would end in a collision is not made at all.
 
@@ -62,7 +68,7 @@ class KinematicBodies:
         self._robots = len(robots)
         self._tangents = tangents
         self._bitmaps = solid_bitmaps(plans)
-        self._polygons = make_polygons(solid_groups(group_shapes(robots, obstacles)))
+        self._polygons = make_polygons(solid_groups(group_shapes(robots, obstacles), _convex_parts))
         self._bodiless = np.setdiff1d(np.arange(self._robots), self._polygons.owner)
         self.poses = poses.copy()
         self.stalled = self.met = np.zeros(self._robots, bool)

@@ -13,15 +13,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TypeAlias
+from typing import IO, Protocol, Self
 
 import msgspec
 
 from zteam.clock import monotonic
 from zteam.node.launcher import LINK, Report
-
-if TYPE_CHECKING:
-    from zteam.team.launch.warm_parent import ForkedChild
 
 log = logging.getLogger("zteam")
 
@@ -92,8 +89,19 @@ class Job(msgspec.Struct, frozen=True):
     as one with the port that the process has found; None = the same as before."""
 
 
-Child: TypeAlias = "_Spawned | ForkedChild"
-"""As a `subprocess.Popen`, but `wait` also ends the rest of its group, and releases the process id only then."""
+class Child(Protocol):
+    """As a `subprocess.Popen`, but `wait` also ends the rest of its group, and releases the process id only then."""
+
+    pid: int
+    returncode: int | None
+    stdin: IO[str] | None
+    stdout: IO[str] | None
+
+    def poll(self) -> int | None: ...
+    def wait(self) -> int: ...
+    def send_signal(self, sig: int) -> None: ...
+
+
 StartChild = Callable[[Job, int], Child]
 """`start(job, link)` starts a child: its own process group, pipes for its input and output, and its end of the link to
 this launcher (`zteam.node.launcher`). Raises OSError if the command cannot be started."""

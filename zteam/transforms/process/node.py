@@ -26,7 +26,7 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
-_SESSION = "session "
+_SESSION = "session:"
 """What the authority of a broadcaster begins with, before the id of its session."""
 
 

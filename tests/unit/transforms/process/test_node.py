@@ -87,7 +87,7 @@ def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCaptu
     desk.end()
     (line,) = [line for line in log.lines if "robot_0/camera" in line]
     assert "team_file" in line
-    assert f"by session {base.bus.instance}" in line
+    assert f"by session:{base.bus.instance}" in line
     assert listener.statics[-1]["robot_0/camera"] == 0.1
 
 
