@@ -35,10 +35,10 @@ def test_go_needs_every_robot_and_stays(gate: Gate, steps: list[tuple[str, int, 
         before = gate.status(stamp)
         if what == "token":
             (holders.setdefault(robot_id, set()).add if flag else holders.setdefault(robot_id, set()).discard)(detail)
-            gate.take_token(robot_id, bool(holders[robot_id]))
+            gate.on_token(robot_id, bool(holders[robot_id]))
         else:
             assert isinstance(detail, int)
-            gate.take_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=flag, state=detail), 0.0)
+            gate.on_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=flag, state=detail), 0.0)
             (willing.add if flag else willing.discard)(robot_id)
         could = {i for i in willing if holders.get(i)}
         assert set(gate.ready) <= could
@@ -103,7 +103,7 @@ class ZteamTeam:
     def _pass_name(self, name: str) -> None:
         robot_id = names.robot_id_of(name)
         if self._gate is not None and robot_id is not None:
-            self._gate.take_token(robot_id, name in self._tokens)
+            self._gate.on_token(robot_id, name in self._tokens)
 
     def start_monitor(self) -> None:
         """A monitor begins; it knows nothing of what was."""
@@ -137,7 +137,7 @@ class ZteamTeam:
             for robot in self._robots:
                 status = robot.step(self._said)
                 if self._gate is not None and robot.robot_id not in self.lossy:
-                    self._gate.take_status(robot.robot_id, status, float(self._now))
+                    self._gate.on_status(robot.robot_id, status, float(self._now))
             if self._gate is not None:
                 self._gate.check_silence(float(self._now))
                 self._gate.try_go(self._now)

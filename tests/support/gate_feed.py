@@ -20,8 +20,8 @@ def status(robot_id: int, state: int = READY, epoch: int = 0, text: str = "") ->
 def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> None:
     """Processes take these names and publish their state."""
     for robot_id in robot_ids:
-        gate.take_token(robot_id, True)
-        gate.take_status(robot_id, status(robot_id, state, epoch), now)
+        gate.on_token(robot_id, True)
+        gate.on_status(robot_id, status(robot_id, state, epoch), now)
 
 
 def told(gate: Gate, *kinds: str) -> list[str]:

@@ -52,7 +52,7 @@ class Line:
         self.moved: dict[int, int] = {}
         """By robot: the stamp of the newest truth in which it moved."""
 
-    def take_truth(self, key: str, truth: Odometry) -> None:
+    def on_truth(self, key: str, truth: Odometry) -> None:
         """Take each truth: a look at the newest one may come too late."""
         target = names.split_robot_key(key)
         if target is not None and abs(truth.twist.twist.linear.x) > MOVES:
@@ -130,7 +130,7 @@ def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
         bus = connect(BusOptions(connect=members.endpoint, lease=LEASE))
         stack.callback(bus.close)
         line = Line(run, lines, bus)
-        bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, line.take_truth)
+        bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, line.on_truth)
         line.wait_until_all_drive()
         line.wait_for(lambda: bool(line.said(names.VIEW, "the view is at")))
         yield line

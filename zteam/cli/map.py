@@ -47,12 +47,12 @@ def _save(args: argparse.Namespace) -> None:
         path = path.with_name(f"{path.name}.yaml")
     waiter, found = Waiter(), list[OccupancyGrid]()
 
-    def take(_key: str, message: OccupancyGrid) -> None:
+    def on_map(_key: str, message: OccupancyGrid) -> None:
         found.append(message)
         waiter.notify()
 
     with open_bus(args) as bus:
-        bus.subscribe(key, OccupancyGrid, take, latched=True)
+        bus.subscribe(key, OccupancyGrid, on_map, latched=True)
         wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
     grid = map_grid(found[-1])
     if args.mode == "trinary":

@@ -104,11 +104,11 @@ def _heard_encoding(bus: Bus, key: str) -> str:
     """The encoding of a message on the key, or of its latched one; empty if none comes."""
     heard, waiter = list[str](), Waiter()
 
-    def take(sample: RawSample) -> None:
+    def on_sample(sample: RawSample) -> None:
         heard.append(sample.encoding)
         waiter.notify()
 
-    with closing(bus.subscribe_raw(key, take, latched=True)):
+    with closing(bus.subscribe_raw(key, on_sample, latched=True)):
         waiter.wait(lambda: bool(heard), SURVEY, "")
     return heard[0] if heard else ""
 
@@ -165,12 +165,12 @@ def _echo(args: argparse.Namespace) -> None:
     key, given = check_key(args.key), message_type(args.type) if args.type else None
     waiter, queue = Waiter(), deque[RawSample](maxlen=1000)
 
-    def take(sample: RawSample) -> None:
+    def on_sample(sample: RawSample) -> None:
         queue.append(sample)
         waiter.notify()
 
     with open_bus(args) as bus:
-        bus.subscribe_raw(key, take, latched=True)
+        bus.subscribe_raw(key, on_sample, latched=True)
         wait_for_message(bus, waiter, lambda: bool(queue), args, key)
         while not (_print_sample(queue.popleft(), given, args) and args.once):
             if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
@@ -199,7 +199,7 @@ def _hz(args: argparse.Namespace) -> None:
     with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
-        def take(_sample: RawSample) -> None:
+        def on_sample(_sample: RawSample) -> None:
             now = to_seconds(clock.now()) if clock.simulated else monotonic()
             if times and now < times[-1]:
                 # The simulator was reset: drop the stamps from before.
@@ -207,7 +207,7 @@ def _hz(args: argparse.Namespace) -> None:
             times.append(now)
             waiter.notify()
 
-        bus.subscribe_raw(key, take)
+        bus.subscribe_raw(key, on_sample)
         wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
 
         def has_news() -> bool:

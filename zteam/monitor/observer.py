@@ -71,12 +71,12 @@ class Motion(msgspec.Struct):
         self.world, self.moved, self.commanded, self.distance = self.world + 1, -1, None, 0.0
         self.speed, self.stamp = 0.0, 0
 
-    def take_command(self, now: int, host: float) -> None:
+    def on_command(self, now: int, host: float) -> None:
         """A command at the time `now` and the host time `host`. Before the first truth its time is not known."""
         if self.stamp:
             self.commanded, self.commanded_at = max(self.stamp, now), host
 
-    def take_truth(self, truth: Odometry) -> None:
+    def on_truth(self, truth: Odometry) -> None:
         """The simulator's truth."""
         stamp, twist = ns_from_time(truth.header.stamp), truth.twist.twist
         if stamp < self.stamp:
@@ -172,10 +172,10 @@ class RobotView:
     def receive(self, topic: str, message: Message) -> None:
         """Keep a message. The caller holds the team's lock."""
         if isinstance(message, Odometry) and topic == names.GROUND_TRUTH:
-            self.motion.take_truth(message)
+            self.motion.on_truth(message)
         elif topic == names.CMD_VEL:
             self.commands_received += 1
-            self.motion.take_command(self.team.now, monotonic())
+            self.motion.on_command(self.team.now, monotonic())
         elif topic == names.STATUS:
             self.spoke = monotonic()
         self.newest[topic] = message

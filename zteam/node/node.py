@@ -244,7 +244,7 @@ class Node(ProcessNode):
         """
         number, simulators = next(self._numbers), frozenset[str]() if newest_only else self.part.ticks.simulators
 
-        def take(key: str, message: Message, source: str = "") -> None:
+        def on_message(key: str, message: Message, source: str = "") -> None:
             due, part = stamp_of_tick(message) if every_tick else None, self.part
             if self.is_of_ended_time(stamp_of_tick(message) if isinstance(message, RobotStatus) else due or 0):
                 return
@@ -258,8 +258,8 @@ class Node(ProcessNode):
 
         if latched:
             # Its bus lets one sender's message count alone: the one with the newest time.
-            return super().subscribe(key_expr, message_type, take, latched=True)
-        return self.bus.subscribe_from(key_expr, message_type, self.handler(take), problem)
+            return super().subscribe(key_expr, message_type, on_message, latched=True)
+        return self.bus.subscribe_from(key_expr, message_type, self.handler(on_message), problem)
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""

@@ -62,14 +62,14 @@ def serve_stop(
         stopped = is_stopped()
         return StopReply(by, bool(stopped), stopped is not None)
 
-    def take(stopped: bool, _request: Change) -> StopReply:
+    def on_request(stopped: bool, _request: Change) -> StopReply:
         change(stopped)
         return StopReply(by, stopped)
 
     return [
         bus.serve(key(names.STOP), NoRequest, tell),
-        bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
-        bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
+        bus.serve(key(names.ENGAGE), EngageRequest, partial(on_request, True)),
+        bus.serve(key(names.RELEASE), ReleaseRequest, partial(on_request, False)),
     ]
 
 

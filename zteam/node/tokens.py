@@ -65,14 +65,14 @@ class TokenLossFilter:
         self._up = True
         self._quiet_until = float("-inf")
 
-    def take_token(self, key: str, alive: bool, now: float) -> None:
+    def on_token(self, key: str, alive: bool, now: float) -> None:
         """A token came or went."""
         if alive:
             self._since.pop(key, None)
         else:
             self._since.setdefault(key, now)
 
-    def take_link(self, up: bool, now: float) -> None:
+    def on_link(self, up: bool, now: float) -> None:
         """The router was lost or is back."""
         self._up = up
         if up:
@@ -119,14 +119,14 @@ class CertainTokens:
 
     def _on_token(self, key: str, alive: bool) -> None:
         with self._lock:
-            self._losses.take_token(key, alive, monotonic())
+            self._losses.on_token(key, alive, monotonic())
             if alive:
                 self._callback(key, True)
             self._look_later()
 
     def _on_link(self, up: bool) -> None:
         with self._lock:
-            self._losses.take_link(up, monotonic())
+            self._losses.on_link(up, monotonic())
             self._look_later()
 
     def _look_later(self) -> None:

@@ -169,13 +169,13 @@ def serve_list(bus: Bus, robot_id: int, is_paused: Callable[[], bool], pause: Ca
     While it is paused, the robot gets no further goal of the list. The one that it has stays, unless it is canceled.
     """
 
-    def take(paused: bool, _request: Change) -> ListReply:
+    def on_request(paused: bool, _request: Change) -> ListReply:
         pause(paused)
         return ListReply(paused)
 
     bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(is_paused()))
-    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), Change, partial(take, True))
-    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), Change, partial(take, False))
+    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), Change, partial(on_request, True))
+    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), Change, partial(on_request, False))
 
 
 def find_lists(bus: Bus) -> dict[int, bool]:

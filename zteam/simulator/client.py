@@ -466,11 +466,11 @@ def ask_time(bus: Bus) -> int | None:
 def follow_clock(bus: Bus, clock: AutoClock, on_time: Callable[[], None] = lambda: None) -> Closeable:
     """Set `clock` to simulated time as it goes on, and call `on_time()` then."""
 
-    def take(_key: str, message: Clock) -> None:
+    def on_clock(_key: str, message: Clock) -> None:
         clock.set(ns_from_time(message.clock))
         on_time()
 
-    return bus.subscribe(names.CLOCK, Clock, take)
+    return bus.subscribe(names.CLOCK, Clock, on_clock)
 
 
 def team_clock(bus: Bus) -> AutoClock:

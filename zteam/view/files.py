@@ -39,14 +39,14 @@ def read_script(name: str, *, folder: Path = FOLDER) -> str:
     def add(path: str) -> str:
         """Add a module after those that it imports; what it exports."""
 
-        def take(found: re.Match[str]) -> str:
+        def replace(found: re.Match[str]) -> str:
             source = posixpath.normpath(posixpath.join(posixpath.dirname(path), found[2]))
             if source not in modules:
                 add(source)
             named = found[1].replace(" as ", ": ")
             return f'const {{ {named} }} = modules["{source}"];'
 
-        text = _IMPORT.sub(take, (folder / path).read_text("utf-8"))
+        text = _IMPORT.sub(replace, (folder / path).read_text("utf-8"))
         exported = ", ".join(each[2] for each in _EXPORT.finditer(text))
         body = _EXPORT.sub(r"\1", text)
         modules[path] = f'modules["{path}"] = (() => {{\n{body}return {{ {exported} }};\n}})();\n'

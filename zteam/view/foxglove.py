@@ -220,7 +220,7 @@ class FoxgloveServer:
             self._clock = self._sim_time = None
 
     def _subscribe(self, key: str, shown: _Shown) -> Closeable | None:
-        def take(sample: RawSample) -> None:
+        def on_sample(sample: RawSample) -> None:
             kind = type_of_encoding(sample.encoding)
             if shown.kind is None:
                 shown.kind, shown.is_late = kind or Message, True
@@ -231,7 +231,7 @@ class FoxgloveServer:
         try:
             # With a type without time and source of each message, which cost most of a view's time.
             only = None if shown.latched else shown.kind
-            return self._bus.subscribe_raw(key, take, latched=shown.latched, only=only)
+            return self._bus.subscribe_raw(key, on_sample, latched=shown.latched, only=only)
         except BusError as error:
             log.debug("%s", error)
             return None

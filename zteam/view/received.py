@@ -189,10 +189,10 @@ class Subscriptions:
 
     def _subscribe(self, topic: Topic) -> Closeable:
         received = self._received
-        take: Callable[..., None] = partial(received.take, topic=topic.key) if topic.every else received.take
+        receive: Callable[..., None] = partial(received.take, topic=topic.key) if topic.every else received.take
 
         def on_sample(sample: RawSample) -> None:
-            take(sample.key, sample.content, sample.encoding)
+            receive(sample.key, sample.content, sample.encoding)
 
         # With a type without time and source: at the rate of lock-step those are most of the cost of a view.
         only = None if topic.latched else topic.kind
@@ -274,12 +274,12 @@ class Viewer:
         """Whether another frame may be under way to it."""
         return self.frame - self._acknowledged < UNDER_WAY
 
-    def take_ack(self, ack: Ack) -> None:
+    def on_ack(self, ack: Ack) -> None:
         """It has taken a frame. One that it was never sent changes nothing."""
         if ack.frame <= self.frame:
             self._acknowledged = max(ack.frame, self._acknowledged)
 
-    def take_watch(self, watch: Watch) -> None:
+    def on_watch(self, watch: Watch) -> None:
         """It watches a topic or field from now on, unless it watches too many, or no more."""
         if watch.op == "unwatch":
             self.watches.pop((watch.topic, watch.field), None)

@@ -131,13 +131,13 @@ class Page:
     def _take(self, viewer: Viewer, request: requests.Request) -> None:
         match request:
             case requests.Ack():
-                viewer.take_ack(request)
+                viewer.on_ack(request)
                 self._ready.set()
             case requests.Look():
                 viewer.look = request
                 self._state.changed()
             case requests.Watch():
-                viewer.take_watch(request)
+                viewer.on_watch(request)
                 self._state.changed()
             case requests.Hello():
                 raise DecodeError("hello comes once")

@@ -161,7 +161,7 @@ def drive(motion: Motion, first: int, *speeds: float) -> list[int]:
     """Truths of ticks from `first` on, without commands; how many ticks the robot was silent at each."""
     silent = []
     for k, speed in enumerate(speeds):
-        motion.take_truth(truth(first + k, speed=speed))
+        motion.on_truth(truth(first + k, speed=speed))
         silent.append(motion.silent // TICK)
     return silent
 
@@ -170,7 +170,7 @@ def moving() -> Motion:
     """A robot that has driven for two ticks and had its last command in the second one."""
     motion = Motion()
     drive(motion, 1, 0.5, 0.5)
-    motion.take_command(2 * TICK, 0.0)
+    motion.on_command(2 * TICK, 0.0)
     return motion
 
 

@@ -45,11 +45,11 @@ def test_a_loss_is_due_once_after_the_grace() -> None:
     grace."""
     losses = TokenLossFilter()
     assert losses.due_in(10.0) is None
-    losses.take_token("a", False, 10.0)
-    losses.take_token("back", False, 10.0)
-    losses.take_token("back", True, 10.1)
-    losses.take_token("b", False, 10.0 + GRACE)
-    losses.take_token("a", False, 10.0 + 0.9 * GRACE)
+    losses.on_token("a", False, 10.0)
+    losses.on_token("back", False, 10.0)
+    losses.on_token("back", True, 10.1)
+    losses.on_token("b", False, 10.0 + GRACE)
+    losses.on_token("a", False, 10.0 + 0.9 * GRACE)
     assert losses.due_in(10.0) == GRACE
     assert losses.take_due(10.0 + 0.5 * GRACE) == []
     assert losses.take_due(10.0 + 1.5 * GRACE) == ["a"]
@@ -61,15 +61,15 @@ def test_nothing_is_lost_while_the_router_is_away() -> None:
     """Nor for a while after its return, whether tokens vanish before or after the link."""
     losses = TokenLossFilter()
     assert losses.trusted(0.0)
-    losses.take_token("before", False, 10.0)
-    losses.take_link(False, 10.001)
+    losses.on_token("before", False, 10.0)
+    losses.on_link(False, 10.001)
     for key in ("after", "dead"):
-        losses.take_token(key, False, 10.002)
+        losses.on_token(key, False, 10.002)
     assert (losses.trusted(50.0), losses.take_due(50.0), losses.due_in(50.0)) == (False, [], None)
-    losses.take_link(True, 60.0)
+    losses.on_link(True, 60.0)
     assert (losses.take_due(60.0 + RETURN_GRACE / 2), losses.due_in(60.0)) == ([], RETURN_GRACE)
     for key in ("before", "after"):
-        losses.take_token(key, True, 60.0 + RETURN_GRACE / 2)
+        losses.on_token(key, True, 60.0 + RETURN_GRACE / 2)
     assert losses.trusted(60.0 + RETURN_GRACE)
     assert losses.take_due(60.0 + RETURN_GRACE) == ["dead"]
 

@@ -75,7 +75,7 @@ def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:
 def test_two_pages_share_their_subscriptions() -> None:
     """What both look at is subscribed to once, what one watches is there too."""
     first, second = viewer(Look()), viewer(Look())
-    second.take_watch(Watch("robot_0/odom"))
+    second.on_watch(Watch("robot_0/odom"))
     assert keys(first, second) == keys(first) | {"robot_0/odom"}
 
 
@@ -105,11 +105,11 @@ def test_a_page_has_credit_for_two_frames() -> None:
     assert page.has_credit
     second = page.next_frame(10.1)
     assert not page.has_credit
-    page.take_ack(Ack(second + 1))
+    page.on_ack(Ack(second + 1))
     assert not page.has_credit
-    page.take_ack(Ack(first))
+    page.on_ack(Ack(first))
     assert page.has_credit
-    page.take_ack(Ack(second))
+    page.on_ack(Ack(second))
     page.next_frame(10.2)
     assert page.has_credit
 
@@ -132,5 +132,5 @@ def test_a_page_watches_a_bounded_number_of_topics() -> None:
     """One more is not watched."""
     page = viewer(Look())
     for number in range(MAX_WATCHES + 1):
-        page.take_watch(Watch(f"topic_{number}"))
+        page.on_watch(Watch(f"topic_{number}"))
     assert len(page.watches) == MAX_WATCHES

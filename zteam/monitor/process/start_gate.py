@@ -195,12 +195,12 @@ class Gate:
             text = f"is not expected: GO waits for {format_robot_ids(self.expected)} only; it obeys that GO too"
             self.tell("unexpected", robot_id, text)
 
-    def take_world(self, robots: Sequence[int] | None) -> None:
+    def on_world(self, robots: Sequence[int] | None) -> None:
         """The simulator has these robots; None if there is no simulator."""
         for robot_id, member in self.members.items():
             member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
-    def take_simulator(self, sessions: frozenset[str]) -> None:
+    def on_simulator(self, sessions: frozenset[str]) -> None:
         """The simulator is there, in these sessions. Another one than before begins another world, under the GO that
         stands, which gets the next epoch."""
         if self.gone and self._simulators and not sessions <= self._simulators:
@@ -208,7 +208,7 @@ class Gate:
             self.tell("anew", None, f"the world begins anew in another simulator (epoch {self.epoch})")
         self._simulators = sessions
 
-    def take_tick(self, tick: int, now: float) -> None:
+    def on_tick(self, tick: int, now: float) -> None:
         """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
         if tick != self._tick:
             self._tick, self._ticked = tick, now
@@ -217,7 +217,7 @@ class Gate:
         """Whether the simulator was seen at another tick of late."""
         return now - self._ticked <= SILENT_AFTER
 
-    def take_token(self, robot_id: int, alive: bool) -> None:
+    def on_token(self, robot_id: int, alive: bool) -> None:
         """A process took the name `robot_N`, or its last holder lost it."""
         member = self.get(robot_id)
         if member.alive == alive:
@@ -244,7 +244,7 @@ class Gate:
         if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
             del self.members[robot_id]
 
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> None:
+    def on_status(self, robot_id: int, status: RobotStatus, now: float) -> None:
         """A robot's status, heard at host time `now`."""
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now

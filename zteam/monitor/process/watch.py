@@ -80,8 +80,8 @@ class WriterWatch:
             return None
         self.unanswered = 0
         with self._node.changed:
-            self._team.take_world(status.robots)
-            self._team.take_tick(status.tick, monotonic())
+            self._team.on_world(status.robots)
+            self._team.on_tick(status.tick, monotonic())
         return status.writers
 
     def _listen(self) -> dict[int, list[str]]:
@@ -165,7 +165,7 @@ class TeamWatch:
         self._seen.observe(event)
 
     def _on_link(self, _source: str, up: bool) -> None:
-        self._losses.take_link(up, monotonic())
+        self._losses.on_link(up, monotonic())
         self._team.forgive_silence(monotonic())
         what = "its link" if self._node.was_dropped else "router"
         self._team.tell("link", None, f"{what} is back" if up else f"{what} lost")
@@ -175,9 +175,9 @@ class TeamWatch:
         alive = self._seen.alive(name)
         if name == names.SIMULATOR and alive:
             self.simulator_came = True
-            self._team.take_simulator(self._seen.instances(name))
+            self._team.on_simulator(self._seen.instances(name))
         if name in _SERVERS or names.robot_id_of(name) is not None:
-            self._losses.take_token(name, alive, monotonic())
+            self._losses.on_token(name, alive, monotonic())
             if alive:
                 self._take(name, True)
 
@@ -186,14 +186,14 @@ class TeamWatch:
         robot_id = names.robot_id_of(name)
         if robot_id is not None:
             is_new = robot_id not in self._team.members
-            self._team.take_token(robot_id, alive)
+            self._team.on_token(robot_id, alive)
             if is_new and (status := self._seen.robot(robot_id).status):
                 self._on_status(self._seen.robot(robot_id), status)
         elif not alive:
             self.servers_gone[name] = "{} is gone: {}".format(*_SERVERS[name])
             self._team.tell("process", None, self.servers_gone[name])
             if name == names.SIMULATOR:
-                self._team.take_world(None)
+                self._team.on_world(None)
         elif self.servers_gone.pop(name, ""):
             self._team.tell("process", None, f"{_SERVERS[name][0]} is back")
 
@@ -202,7 +202,7 @@ class TeamWatch:
             key = names.robot_key(robot.id, names.STATUS)
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
         elif robot.id in self._team.members:
-            self._team.take_status(robot.id, status, monotonic())
+            self._team.on_status(robot.id, status, monotonic())
 
     def look(self) -> None:
         """Look at what commands the robots, and take what has been gone for long enough to be lost."""

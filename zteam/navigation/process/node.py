@@ -82,12 +82,12 @@ class NavigationNode:
         return robot
 
     def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message]) -> None:
-        def take(_key: str, message: Any) -> None:
+        def on_message(_key: str, message: Any) -> None:
             inputs.newest[topic] = message
             if topic == names.STATUS:
                 inputs.heard = None if self._node.ticks_tell_time else monotonic()
 
-        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
+        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, on_message)
 
     def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[], Any]) -> None:
         def handle(_request: Any) -> Any:

@@ -73,7 +73,7 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
     question."""
     answers = list[Answer]()
 
-    def take_answer(_job: Job, report: Report) -> None:
+    def on_answer(_job: Job, report: Report) -> None:
         if report.answer is not None:
             answers.append(msgspec.convert(report.answer, Answer))
 
@@ -96,7 +96,7 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
             words = base64.b64encode(msgspec.msgpack.encode(questions)).decode()
-            process = supervisor.start_job("behaviours", Job(command, words=words, learn=take_answer))
+            process = supervisor.start_job("behaviours", Job(command, words=words, learn=on_answer))
             # However it ends, the answer says so.
             process.stopping = True
         yield wait

@@ -110,7 +110,7 @@ class Supervisor:
         return process
 
     def start_member(self, name: str, begin: Callable[[], Member], job: Job) -> Member:
-        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name.
+        """Start a member with `begin()`, which has `on_end` called when it ends; it replaces one of the same name.
         The `job` says whether it may end, and is started again."""
         # A restart that waits for its time would replace the new member.
         self._call_restarts_off([name])
@@ -136,7 +136,7 @@ class Supervisor:
     def _spawn(self, name: str) -> Process:
         job = self._places[name].job
         try:
-            process = Process(name, job, self._take_line, self._take_report, self.take_end, self._start_child)
+            process = Process(name, job, self._receive_line, self._receive_report, self.on_end, self._start_child)
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error
             raise ZteamError(f"{name}: cannot start {job.command[0]}: {reason}") from None
@@ -145,11 +145,11 @@ class Supervisor:
             self._sampler.start()
         return process
 
-    def _take_line(self, process: Process, line: str) -> None:
+    def _receive_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)
         self.wake()
 
-    def _take_report(self, process: Process, report: Report) -> None:
+    def _receive_report(self, process: Process, report: Report) -> None:
         place = self._places[process.name]
         if place.job.learn is not None and (learned := place.job.learn(place.job, report)) is not None:
             place.job = learned
@@ -160,7 +160,7 @@ class Supervisor:
         with self.changed:
             self.changed.notify_all()
 
-    def take_end(self, member: Member) -> None:
+    def on_end(self, member: Member) -> None:
         """A member has ended."""
         name, code = member.name, member.exit_code
         place = self._places[name]

@@ -337,7 +337,7 @@ class Threads:
         self.supervisor.start_member(name, begin, self._plan.jobs.get(name, Job(())))
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self._sessions, self.supervisor.take_end)
+        return NodeThread(name, self.parts[name], self._sessions, self.supervisor.on_end)
 
     def environment_of_new(self, _name: str) -> dict[str, str]:
         """What lets a process join from outside."""

@@ -79,7 +79,7 @@ class TeamFixture:
         self._processes = Processes(
             BusOptions(namespace=self.namespace),
             WARM_PARENT,
-            self._watch.take_line,
+            self._watch.on_line,
             name=TEST,
             listen=ANY_PORT,
             environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), STACKS: self._watch.stacks.name},
@@ -341,7 +341,7 @@ class TeamFixture:
         # As a process of the team logs.
         self._ends.callback(log.setLevel, log.level)
         log.setLevel(logging.INFO)
-        take = self._watch.take_log
+        take = self._watch.on_log
         self._ends.callback(KEEPER.pass_to(lambda line: take(line.process, line.level, line.text)))
         self._processes.close()
         self._run = self._watch.team_run = TeamRun(Threads(nodes, name=TEST, ends_calls=True), is_launcher=False)
@@ -458,7 +458,7 @@ class TeamFixture:
         if watch.interval:
             if not watch.wait(lambda: watch.sim.report().ticks > 0):
                 raise TeamTimeout(f"the first tick is held: waiting for {watch.sim.status().waiting_for}")
-            watch.take_status(watch.sim.status())
+            watch.on_status(watch.sim.status())
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""

@@ -182,17 +182,17 @@ class Watch:
         """Names of the processes that may end, or that this fixture has started itself."""
         return {*self.may_end, *self.team_run.supervisor.members}
 
-    def take_line(self, name: str, line: str) -> None:
+    def on_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
         if self._live:
             # Most lines name their process.
             sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
             sys.stdout.flush()
 
-    def take_log(self, name: str, level: int, text: str) -> None:
+    def on_log(self, name: str, level: int, text: str) -> None:
         """A node of this process, or one that the test has started, has logged a text."""
         told = "" if level == logging.INFO else f"{logging.getLevelName(level).lower()}: "
-        self.take_line(name, f"{told}{text}")
+        self.on_line(name, f"{told}{text}")
 
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
@@ -263,7 +263,7 @@ class Watch:
             status = self.status()
             self.interval = status.interval if status.lockstep else 0
 
-    def take_status(self, status: SimStatus) -> None:
+    def on_status(self, status: SimStatus) -> None:
         """Notice the processes that were left behind, and wait for the end of those that left. They are gone in the
         world's time; the end of their processes takes the host's."""
         self._note_left_behind(status)
@@ -292,7 +292,7 @@ class Watch:
         fault = message.msg.partition("\n")[2]
         if fault and message.level >= logging.CRITICAL and message.function == log_fault.__name__:
             self._faults[name] = fault
-        self.take_log(name, message.level, message.msg)
+        self.on_log(name, message.level, message.msg)
 
     def _has_ended_or_joined(self, name: str) -> bool:
         process = self.member(name)
@@ -401,7 +401,7 @@ class Watch:
                 # The end of a process says more.
                 self.check()
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
-            self.take_status(status)
+            self.on_status(status)
 
             def arrived(status: SimStatus = status) -> bool:
                 # Each look at the view looks for processes that have failed.

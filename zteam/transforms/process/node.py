@@ -163,7 +163,7 @@ class Aggregator:
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
         if token is not None and token[0] == names.STATIC_CALLER:
-            self._lost_callers.take_token(key, alive, monotonic())
+            self._lost_callers.on_token(key, alive, monotonic())
         elif token is not None:
             self._tokens.take(*token, alive)
             self._merger.statics.look_again(_SESSION + token[1])
@@ -171,7 +171,7 @@ class Aggregator:
 
     def _on_link(self, up: bool) -> None:
         with self._node.changed:
-            self._lost_callers.take_link(up, monotonic())
+            self._lost_callers.on_link(up, monotonic())
 
     def _drop_lost(self, grace: float = GRACE) -> None:
         """Drop the frames of callers that have had no token for `grace` host seconds (under `node.changed`)."""

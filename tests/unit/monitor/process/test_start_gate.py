@@ -20,12 +20,12 @@ def here(*ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> Ste
 
 def says(robot_id: int, state: int = READY, epoch: int = 0, now: float = 1.0) -> Step:
     """A status comes."""
-    return lambda gate: gate.take_status(robot_id, status(robot_id, state, epoch), now)
+    return lambda gate: gate.on_status(robot_id, status(robot_id, state, epoch), now)
 
 
 def token(robot_id: int, alive: bool = True) -> Step:
     """A process takes the robot's name, or its last holder loses it."""
-    return lambda gate: gate.take_token(robot_id, alive)
+    return lambda gate: gate.on_token(robot_id, alive)
 
 
 def silence(now: float) -> Step:
@@ -40,7 +40,7 @@ def go(gate: Gate) -> bool:
 
 def simulator(session: str) -> Step:
     """A simulator is there in this session."""
-    return lambda gate: gate.take_simulator(frozenset({session}))
+    return lambda gate: gate.on_simulator(frozenset({session}))
 
 
 GO, RESTARTED = "All robots GO!", ["robot_0 lost", "robot_0 is back", "robot_0 is ready late: told GO"]
@@ -164,7 +164,7 @@ def test_the_published_status() -> None:
     gate = Gate([0, 1, 2], 3)
     gate.renew(5)
     come(gate, 0, 1)
-    gate.take_token(1, False)
+    gate.on_token(1, False)
     waiting = decode(TeamStatus, encode(gate.status(3_000_000_001)))
     assert (waiting.state, waiting.epoch, waiting.team_size) == (TeamState.WAITING, 0, 3)
     assert ns_from_time(waiting.header.stamp) == 3_000_000_001
@@ -174,7 +174,7 @@ def test_the_published_status() -> None:
     given = decode(TeamStatus, encode(gate.status(9_000_000_000)))
     assert (given.state, given.epoch, ns_from_time(given.go_stamp)) == (TeamState.GO, 1, 4_500_000_000)
     assert (ids_of(given), given.waiting_for) == ([[0, 1, 2], [], []], "")
-    gate.take_token(0, False)
+    gate.on_token(0, False)
     gate.check_silence(100.0)
     gate.renew(100)
     after = gate.status(7)
@@ -185,10 +185,10 @@ def test_the_published_status() -> None:
 def test_the_highest_epoch_is_adopted() -> None:
     """Of robots that obey different GOs the newest wins; after the last one of the wire there is still a GO to tell."""
     gate = Gate([0, 1], 2)
-    gate.take_simulator(frozenset({"one"}))
+    gate.on_simulator(frozenset({"one"}))
     come(gate, 0, state=RUNNING, epoch=1)
     come(gate, 1, state=RUNNING, epoch=2**32 - 1)
-    gate.take_simulator(frozenset({"two"}))
+    gate.on_simulator(frozenset({"two"}))
     assert decode(TeamStatus, encode(gate.status(1))).epoch == gate.epoch == 2**32 - 1
 
 
@@ -199,9 +199,9 @@ def test_all_running_waits_for_the_robots_that_count() -> None:
     assert not gate.all_running()
     gate.try_go(1)
     assert not gate.all_running()
-    gate.take_status(0, status(0, RUNNING, 1), 1.0)
+    gate.on_status(0, status(0, RUNNING, 1), 1.0)
     assert not gate.all_running()
-    gate.take_token(1, False)
+    gate.on_token(1, False)
     assert gate.all_running()
 
 
@@ -217,9 +217,9 @@ WAITS: list[tuple[Sequence[int] | int, list[Step], list[str]]] = [
     (3, [here(0), here(4, 6, state=BOOT)], ["robot_4: not ready yet", "robot_6: not ready yet"]),
     (1, [here(0, 4)], []),
     (range(100), [], [*(f"robot_{i}: no process yet" for i in range(8)), "and 92 more robots"]),
-    ([0, 9], [here(0), lambda gate: gate.take_world([0, 1, 2])], [f"robot_9: not in the world; it has 0-2 {ADD}"]),
-    ([9], [lambda gate: gate.take_world([])], [f"robot_9: not in the world; it has no robot {ADD}"]),
-    ([9], [lambda gate: gate.take_world([]), lambda gate: gate.take_world(None)], ["robot_9: no process yet"]),
+    ([0, 9], [here(0), lambda gate: gate.on_world([0, 1, 2])], [f"robot_9: not in the world; it has 0-2 {ADD}"]),
+    ([9], [lambda gate: gate.on_world([])], [f"robot_9: not in the world; it has no robot {ADD}"]),
+    ([9], [lambda gate: gate.on_world([]), lambda gate: gate.on_world(None)], ["robot_9: no process yet"]),
 ]  # fmt: skip
 
 
@@ -240,8 +240,8 @@ def test_robots_that_cannot_follow_are_told_before_go() -> None:
     """A circle, after a second, and a leader that GO does not wait for; one that is still to come is not missed."""
     gate = Gate(None, 4)
     for robot_id, leader in ((0, 1), (1, 0), (2, 9)):
-        gate.take_token(robot_id, True)
-        gate.take_status(robot_id, msgspec.structs.replace(status(robot_id), leader=leader), 0.0)
+        gate.on_token(robot_id, True)
+        gate.on_status(robot_id, msgspec.structs.replace(status(robot_id), leader=leader), 0.0)
     circle = "robots follow each other in a circle: robot_0 -> robot_1 -> robot_0"
     told(gate)
     for now in (9.0, 9.9):
@@ -254,7 +254,7 @@ def test_robots_that_cannot_follow_are_told_before_go() -> None:
     assert gate.try_go(1)
     assert told(gate) == ["robot_2 follows robot_9, which has no process", GO]
     come(gate, 9)
-    gate.take_token(9, False)
+    gate.on_token(9, False)
     gate.check_leaders(11.0)
     assert [each.text for each in gate.follow_problems] == [circle]
 
@@ -262,8 +262,8 @@ def test_robots_that_cannot_follow_are_told_before_go() -> None:
 def test_a_long_text_of_a_robot_is_cut() -> None:
     """What one robot says fills neither the log nor the line of all that GO waits for."""
     gate = Gate([0], 1)
-    gate.take_token(0, True)
-    gate.take_status(0, status(0, FAULT, text="x" * 10**6), 1.0)
+    gate.on_token(0, True)
+    gate.on_status(0, status(0, FAULT, text="x" * 10**6), 1.0)
     (line,) = told(gate)
     assert line.startswith("robot_0 fault: xxx") and line.endswith("…")
     assert len(line) < 2100 and len(gate.waiting_for()) < 2100
@@ -287,7 +287,7 @@ def test_invented_robots_and_forged_statuses_fill_no_log() -> None:
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
     for i in range(100, 2100):
-        gate.take_token(i, True)
-        gate.take_token(i, False)
-    gate.take_token(1, False)
+        gate.on_token(i, True)
+        gate.on_token(i, False)
+    gate.on_token(1, False)
     assert (len(gate.members), gate.lost) == (2 + 64, [1, *range(100, 164)])

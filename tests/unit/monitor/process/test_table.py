@@ -35,8 +35,8 @@ def gate_of(*statuses: RobotStatus) -> Gate:
     """A gate whose robots' processes have these statuses since host time 10."""
     gate = Gate(range(len(statuses)), len(statuses))
     for robot_id, status in enumerate(statuses):
-        gate.take_token(robot_id, True)
-        gate.take_status(robot_id, msgspec.structs.replace(status, robot_id=robot_id), 10.0)
+        gate.on_token(robot_id, True)
+        gate.on_status(robot_id, msgspec.structs.replace(status, robot_id=robot_id), 10.0)
     return gate
 
 
@@ -79,13 +79,13 @@ def test_a_robot_without_data_shows_no_speed() -> None:
         return [(row.speed, row.reason) for row in make_rows(gate, {}, {}, now)]
 
     assert rows(10.0 + SILENT_AFTER) == [(0.2, "")]
-    gate.take_status(0, running(11.5), 14.0)
+    gate.on_status(0, running(11.5), 14.0)
     assert rows(14.0) == [(None, "no data for 4 s")]
-    gate.take_tick(115, 16.0)
+    gate.on_tick(115, 16.0)
     assert rows(16.0 + SILENT_AFTER) == [(0.2, "")]
-    gate.take_tick(115, 20.0)
+    gate.on_tick(115, 20.0)
     assert rows(20.0) == [(None, "no data for 10 s")]
-    gate.take_status(0, running(12.0), 20.5)
+    gate.on_status(0, running(12.0), 20.5)
     assert rows(20.5) == [(0.2, "")]
 
 
@@ -93,7 +93,7 @@ def test_a_robot_that_is_stopped_says_so_in_each_state() -> None:
     """Its row has the way out, also before GO, and so has a line below; a process that is gone stops nothing."""
     ready = RobotStatus(is_ready=True, state=RobotState.READY, is_stopped=True)
     gate = gate_of(ready, running(is_stopped=True), running(is_stopped=True))
-    gate.take_token(2, False)
+    gate.on_token(2, False)
     rows = make_rows(gate, {}, {}, 10.0)
     assert [(row.state, row.reason, row.is_stopped) for row in rows] == [
         ("ready", STOPPED, True), ("running", STOPPED, True), ("lost", "its process is gone", False),
@@ -107,12 +107,12 @@ def test_every_robot_has_a_state() -> None:
     come(gate, 0, 1, 2, 3)
     come(gate, 2, state=RobotState.STOPPED)
     for robot_id in (1, 2):
-        gate.take_token(robot_id, False)
-    gate.take_token(4, True)
+        gate.on_token(robot_id, False)
+    gate.on_token(4, True)
     gate.check_silence(SILENT_AFTER + 1)
     come(gate, 3, now=5.0)
     come(gate, 6, state=RobotState.FAULT, now=5.0)
-    gate.take_world([0, 1, 2, 3, 4, 6])
+    gate.on_world([0, 1, 2, 3, 4, 6])
     rows = make_rows(gate, {}, {}, 5.0)
     assert [(row.state, row.reason) for row in rows] == [
         ("silent", "does not answer"),
@@ -129,7 +129,7 @@ def test_every_robot_has_a_state() -> None:
 def test_a_robot_that_was_taken_out_of_the_world_is_told_as_that() -> None:
     """Its own reason, such as a stale scan, follows from it; a robot with another source of scans stands for none."""
     gate = gate_of(running(reason="stale scan"), running())
-    gate.take_world([])
+    gate.on_world([])
     gone = "not in the world; it has no robot ('zteam sim spawn --id 0 --pose X Y YAW' adds it)"
     assert reasons(gate) == [gone, ""]
 

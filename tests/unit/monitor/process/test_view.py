@@ -143,7 +143,7 @@ def test_go_and_its_epoch_are_the_running_monitors() -> None:
         team.follow(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
         come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
         assert (team.epoch, team.all_running()) == (epoch, epoch == 1)
-        team.take_simulator(frozenset({session}))
+        team.on_simulator(frozenset({session}))
     assert [event.text for event in team.take_events() if event.kind in ("status", "go", "late")] == [
         "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet",
         "All robots GO!",
