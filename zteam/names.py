@@ -313,7 +313,7 @@ number. Each answers queries on its token with its last message."""
 declarations_key = "@session/{}/declarations".format
 """Query: the publishers and subscribers of an instance, or with `*` of each."""
 session_info_key = "@session/{}/info".format
-"""Query: which process an instance is; it is told there of others that publish on one of its keys."""
+"""Query: which process an instance is, and whether it publishes on a key."""
 
 
 @lru_cache(maxsize=1024)

@@ -208,7 +208,7 @@ class Bus:
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
-            self.watch_link(rights.check_again)
+            self.watch_link(lambda up: rights.check_again(self._publishing() if up else ()))
 
     def hold(self) -> None:
         """From now on publishers and queries wait for `release`: others see nothing of a process without its name.
@@ -392,6 +392,9 @@ class Bus:
     def _check_later(self, use: Use) -> None:
         if self._rights is not None:
             self._rights.check_later(use)
+
+    def _publishing(self) -> list[Use]:
+        return [Use(each.key, PUBLISHES) for each in list(self._declared.values()) if each.publishes]
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))

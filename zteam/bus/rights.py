@@ -79,10 +79,10 @@ class RightCheck:
                 self._known.add(use)
                 self._begin([use])
 
-    def check_again(self, up: bool) -> None:
-        """With the link `up`, look at all uses again: the router has new settings, perhaps."""
+    def check_again(self, uses: Iterable[Use]) -> None:
+        """As `check_later`, also of what was looked at before: the router has new settings, perhaps."""
         with self._changed:
-            self._begin(self._known if up else ())
+            self._begin([use for use in uses if use in self._known])
 
     def _begin(self, uses: Iterable[Use]) -> None:
         self._waiting += uses

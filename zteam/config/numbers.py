@@ -28,8 +28,9 @@ def parse_number(text: str, low: N, high: N, what: str) -> N:
     `what`."""
     form = "d" if isinstance(low, int) else "g"
     try:
-        value = type(low)(text)
-        if low <= value <= high:
+        # Python also reads `1_0`, `+1` and the digits of all scripts; Zenoh does not.
+        is_plain = text.isascii() and "_" not in text and not text.startswith("+")
+        if is_plain and low <= (value := type(low)(text)) <= high:
             return value
     except ValueError:
         # Also a number of thousands of digits.

@@ -67,7 +67,9 @@ class LiveLine:
     def show(self, text: str, paint: Paint | None = None) -> None:
         """Show `text` from now on, as far as there is room; in bold, or with the colours of `paint`."""
         with self._lock:
-            self._text, self._paint = text, paint
+            # As wide as it will be written.
+            encoding = self._stream.encoding or "ascii"
+            self._text, self._paint = text.encode(encoding, "backslashreplace").decode(encoding), paint
             self._write("", self._stream)
 
     def leave(self) -> None:

@@ -16,8 +16,12 @@ from zteam.node.logs import KEEPER, KEPT, LogLine
 HOLD = 0.2
 """Host seconds for which a new line waits for older ones of other processes."""
 _LINES = list[LogLine]
-_REMEMBERED = 1000 * KEPT
-"""Lines that are known again; a history repeats the newest KEPT of a process."""
+_MOST_ASKED = 16
+"""Processes that have joined and are asked one by one: any program may hold tokens, of any names."""
+_REMEMBERED = 10 * KEPT
+"""Lines of a process that are known again; a history repeats the newest KEPT of those that came before."""
+_PROCESSES = 1000
+"""Processes whose lines are known again."""
 
 
 def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[LogLine]:
@@ -45,17 +49,19 @@ class LogOrder:
         self._lock = threading.Lock()
         self._waiting: list[tuple[LogLine, float]] = []
         """Each with the host time at which it must wait no longer."""
-        self._known: dict[LogLine, None] = {}
+        self._known: dict[str, dict[LogLine, None]] = {}
 
     def take(self, lines: Sequence[LogLine], now: float) -> None:
         """Lines came at host time `now`; those that are known are skipped."""
         with self._lock:
             for line in map(LogLine.cut, lines):
-                if line not in self._known:
-                    self._known[line] = None
+                known = self._known.setdefault(line.process, {})
+                if line not in known:
+                    known[line] = None
                     self._waiting.append((line, now + self._hold))
-                    if len(self._known) > _REMEMBERED:
-                        del self._known[next(iter(self._known))]
+                for rows, most in ((known, _REMEMBERED), (self._known, _PROCESSES)):
+                    if len(rows) > most:
+                        del rows[next(iter(rows))]  # type: ignore[attr-defined]
 
     @property
     def waiting(self) -> bool:
@@ -129,8 +135,8 @@ class LogReader(LogOrder):
         """Lines below `level` are skipped."""
         super().__init__(HOLD)
         self._bus, self._patterns, self._on_news, self._level = bus, patterns, on_news, level
-        self._has_joined = False
-        """Whether a process has joined since the last question."""
+        self._joined: set[str] = set()
+        """Processes that have joined since the last question."""
 
     def follow(self) -> None:
         """From here on take new lines, and notice processes that join."""
@@ -140,18 +146,22 @@ class LogReader(LogOrder):
 
     def fetch(self) -> set[str]:
         """Take what all the processes keep; the names of those that answered."""
-        self._has_joined = False
-        answers = [answer for pattern in self._patterns for answer in self._bus.find(names.log_key(pattern), _LINES)]
+        self._joined.clear()
+        return self._ask(self._patterns)
+
+    def fetch_joined(self) -> set[str]:
+        """Take what the processes keep that have joined since the last call; the names of those that answered."""
+        joined, self._joined = self._joined, set()
+        return self._ask(sorted(joined) if len(joined) <= _MOST_ASKED else self._patterns)
+
+    def _ask(self, patterns: Iterable[str]) -> set[str]:
+        answers = [answer for pattern in patterns for answer in self._bus.find(names.log_key(pattern), _LINES)]
         self._take(kept_lines(answers))
         return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
 
-    def fetch_joined(self) -> set[str]:
-        """The same, if a process has joined since the last call. All are asked: any program may hold tokens."""
-        return self.fetch() if self._has_joined else set()
-
     def pending(self) -> bool:
         """Whether lines wait, or processes joined."""
-        return self._has_joined or self.waiting
+        return bool(self._joined) or self.waiting
 
     def _take(self, lines: Iterable[LogLine]) -> None:
         self.take([line for line in lines if line.level >= self._level], monotonic())
@@ -162,7 +172,8 @@ class LogReader(LogOrder):
             self._take([line_of(process, message)])
             self._on_news()
 
-    def _on_token(self, _key: str, alive: bool) -> None:
-        if alive:
-            self._has_joined = True
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if alive and token is not None:
+            self._joined.add(token[0])
             self._on_news()

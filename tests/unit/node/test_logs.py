@@ -306,12 +306,14 @@ def test_lines_come_in_order_of_time() -> None:
 
 
 def test_what_is_known_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line is handed out once, live or in a history, and the oldest line is forgotten. Long lines are cut, and equal
-    ones stay equal."""
+    """A line is handed out once, live or in a history, and the oldest line of a process is forgotten, not one of
+    another process. Long lines are cut, and equal ones stay equal."""
     monkeypatch.setattr(log_client, "_REMEMBERED", 3 * KEPT)
     order, lines = LogOrder(hold=0.0), [line(i) for i in range(4 * KEPT)]
-    order.take(lines, now=1.0)
-    assert order.ready(1.0) == lines
+    order.take([line(0, "tf"), *lines], now=1.0)
+    assert order.ready(1.0) == [line(0, "tf"), *lines]
+    order.take([line(0, "tf")], now=1.0)
+    assert order.ready(1.0) == []
     order.take(lines[-KEPT:], now=2.0)
     assert order.ready(2.0) == []
     order.take(lines[:1], now=2.0)
@@ -371,7 +373,7 @@ def test_history_and_new_lines_are_one_log(hub: MemoryHub) -> None:
     reader.fetch_joined()
     assert reader.pending()
     late, _ = Talker(hub, "robot_7", LogLine(4, "robot_7", 30, "late")), Talker(hub, "planner", line(1, "planner"))
-    assert (reader.fetch_joined(), reader.fetch_joined()) == ({"sim", "robot_0", "robot_7"}, set())
+    assert (reader.fetch_joined(), reader.fetch_joined()) == ({"robot_7"}, set())
     sim.say(8, "between", 30)
     late.say(10, "e", 30)
     assert found_by(reader) == [
@@ -379,6 +381,19 @@ def test_history_and_new_lines_are_one_log(hub: MemoryHub) -> None:
         ("robot_7", "e"),
     ]  # fmt: skip
     assert not reader.pending()
+
+
+def test_many_that_join_are_asked_with_one_question(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any program may hold tokens, of any names."""
+    reader = read(hub)
+    late = Talker(hub, "robot_7", LogLine(1, "robot_7", 20, "starting"))
+    for number in range(20):
+        late.bus.declare_token(names.token_key(f"z{number}", "a"))
+    transport, asked = reader._bus.transport, list[str]()
+    ask = transport.get
+    monkeypatch.setattr(transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
+    assert reader.fetch_joined() == {"robot_7"}
+    assert (len(asked), found_by(reader)) == (1, [("robot_7", "starting")])
 
 
 def test_a_line_is_of_the_process_whose_key_it_came_on(hub: MemoryHub) -> None:

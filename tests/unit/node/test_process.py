@@ -64,6 +64,24 @@ def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatc
     assert gc.get_freeze_count() <= frozen
 
 
+@pytest.mark.parametrize(("hung", "hangs", "codes"), [(3, False, [1]), (3, True, [3]), (None, True, [])])
+def test_a_process_that_does_not_stop_is_ended(
+    monkeypatch: pytest.MonkeyPatch, hung: int | None, hangs: bool, codes: list[int]
+) -> None:
+    """HARD_EXIT after the request, with code 1, or `hung` where a step does not return; without `hung` never."""
+    ends, stop, before = list[int](), shutdown.Stop(), set(threading.enumerate())
+    for name, value in (("HARD_EXIT", 0.0), ("hanging", lambda: hangs)):
+        monkeypatch.setattr(shutdown, name, value)
+    monkeypatch.setattr(shutdown.os, "_exit", ends.append)
+    monkeypatch.setattr(shutdown.logging, "shutdown", lambda: None)
+    with stop.install(hung=hung):
+        stop.request("over")
+        for thread in set(threading.enumerate()) - before:
+            if thread.name not in ("signals", "launcher"):
+                thread.join(LIMIT)
+    assert ends == codes
+
+
 @pytest.mark.usefixtures("offline")
 @pytest.mark.parametrize("name", ["clock", "sim", "view_2", "a/b", ""])
 def test_a_name_of_zteam_itself_ends_with_2_and_one_line(caplog: pytest.LogCaptureFixture, name: str) -> None:
