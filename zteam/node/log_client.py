@@ -59,9 +59,10 @@ class LogOrder:
                 if line not in known:
                     known[line] = None
                     self._waiting.append((line, now + self._hold))
-                for rows, most in ((known, _REMEMBERED), (self._known, _PROCESSES)):
-                    if len(rows) > most:
-                        del rows[next(iter(rows))]  # type: ignore[attr-defined]
+                if len(known) > _REMEMBERED:
+                    del known[next(iter(known))]
+                if len(self._known) > _PROCESSES:
+                    del self._known[next(iter(self._known))]
 
     @property
     def waiting(self) -> bool:

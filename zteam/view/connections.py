@@ -114,7 +114,7 @@ class Connections:
     def _wait(self, transport: asyncio.Transport, unsent: int = 0) -> None:
         # Host time: a client's silence.
         loop = asyncio.get_running_loop()
-        self._open.pop(transport, None)
+        self._forget(transport)
         self._open[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
 
     def _look_at(self, transport: asyncio.Transport, unsent: int) -> None:

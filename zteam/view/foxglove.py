@@ -128,10 +128,14 @@ class FoxgloveServer:
         requests: Any = self
         # Only this host reaches it: the SDK lets any number of connections wait, and closes its port for good when no
         # descriptor is left.
-        self._server = start_server(
-            name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=requests,
-            context=self._context,
-        )  # fmt: skip
+        try:
+            self._server = start_server(
+                name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=requests,
+                context=self._context,
+            )  # fmt: skip
+        except RuntimeError as error:
+            listener.close()
+            raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
         self._close_front = open_front(listener, ("127.0.0.1", self._server.port), node.fail)
         self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
 
@@ -209,8 +213,11 @@ class FoxgloveServer:
             self._open_channel(key, shown)
             # A key of unknown type is subscribed to until its first message.
             wanted = bool(shown.clients) or shown.kind is None
-            before, renews, shown.is_late = shown.handle, shown.is_late and shown.latched, False
-            if renews or wanted != (before is not None):
+            before, renews = shown.handle, shown.is_late
+            if renews:
+                # Not in any case: a client may come just now.
+                shown.is_late = False
+            if (renews and shown.latched) or wanted != (before is not None):
                 # A new subscription gets what is latched once more; the other clients draw the same.
                 shown.handle = self._subscribe(key, shown) if wanted else None
                 if before is not None:

@@ -14,7 +14,7 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
 from zteam.messages import TeamStatus, Tick, ns_from_time
 from zteam.monitor.process.display import Lines, TeamDisplay, showing
-from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.start_gate import FollowedTeam, Gate
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.lockstep import Ticks
 from zteam.node.process_node import ProcessNode
@@ -118,12 +118,12 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
-    team = Gate(None, 1)
+    team = FollowedTeam()
     watch = TeamWatch(node, team)
-    watch.on(names.TEAM_STATUS, lambda _key, status: team.follow(status))
+    watch.on(names.TEAM_STATUS, lambda _key, status: team.on_team(status))
     with showing(options) as output:
         # A table without the running monitor's robots would say nothing.
-        node.wait(lambda: team.followed is not None, LOOK_FOR)
+        node.wait(lambda: team.newest is not None, LOOK_FOR)
         TeamDisplay(node, team, watch, options, output).run()
 
 

@@ -147,8 +147,6 @@ class Gate:
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
-        self.followed: TeamStatus | None = None
-        """What the running monitor said last, where this one only shows its team."""
         if expected is not None:
             self.expect(expected)
 
@@ -314,22 +312,6 @@ class Gate:
         self.tell("go", None, "All robots GO!")
         return True
 
-    def follow(self, status: TeamStatus) -> None:
-        """Take over what the running monitor says: it decides which robots GO waits for, and when it is out."""
-        before, self.followed, self._adopted = self.followed, status, True
-        self.gone, self.epoch, self.team_size = status.state == TeamState.GO, status.epoch, status.team_size
-        ids = sorted({*status.ready.tolist(), *status.missing.tolist()})
-        self.expected = ids if self.gone or status.missing.size else None
-        for member in map(self.get, ids):
-            member.told_go = self.gone
-        ready = f"{status.ready.size} of {status.team_size} ready"
-        if not self.gone:
-            self.tell("status", None, f"{ready}; waiting for {status.waiting_for or self.waiting_for()}")
-        elif before is not None and before.state != TeamState.GO:
-            self.tell("go", None, "All robots GO!")
-        else:
-            self.tell("status", None, f"GO is out; {ready}")
-
     def _next_epoch(self) -> None:
         self.epoch = min(self.epoch + 1, _LAST_EPOCH)
 
@@ -397,3 +379,45 @@ class Gate:
             lost=np.array(self.lost, np.int32),
             waiting_for="" if self.gone else self.waiting_for(),
         )
+
+
+_OF_THE_MONITOR = frozenset({"ready", "late", "unexpected"})
+"""Kinds of events that the running monitor tells: in a second one they would come twice."""
+
+
+class FollowedTeam(Gate):
+    """The gate of a running monitor, which decides which robots GO waits for, and when it is out. The robots and their
+    processes are observed directly."""
+
+    def __init__(self) -> None:
+        super().__init__(None, 0)
+        self.newest: TeamStatus | None = None
+        """What the running monitor said last."""
+
+    def on_team(self, status: TeamStatus) -> None:
+        before, self.newest = self.newest, status
+        self.gone, self.epoch, self.team_size = status.state == TeamState.GO, status.epoch, status.team_size
+        ids = sorted({*status.ready.tolist(), *status.missing.tolist()})
+        self.expected = ids if self.gone or status.missing.size else None
+        for robot_id in ids:
+            self.get(robot_id)
+        ready = f"{status.ready.size} of {status.team_size} ready"
+        if not self.gone:
+            self.tell("status", None, f"{ready}; waiting for {status.waiting_for or self.waiting_for()}")
+        elif before is not None and before.state != TeamState.GO:
+            self.tell("go", None, "All robots GO!")
+        else:
+            self.tell("status", None, f"GO is out; {ready}")
+
+    def tell(self, kind: str, robot: int | None, text: str) -> None:
+        if kind not in _OF_THE_MONITOR:
+            super().tell(kind, robot, text)
+
+    def _adopt(self, robot_id: int, member: KnownRobot) -> None:
+        """The running monitor reports GO."""
+
+    def on_simulator(self, sessions: frozenset[str]) -> None:
+        """The running monitor reports the epoch."""
+
+    def waiting_for(self, *, reasons: bool = True) -> str:
+        return super().waiting_for(reasons=reasons) or "the running monitor"

@@ -279,7 +279,10 @@ def rows(report: ChaosReport) -> list[tuple[str, ...]]:
     def cell(value: str | float | None) -> str:
         return "-" if value is None else value if isinstance(value, str) else f"{value:.2f}"
 
-    return [tuple(map(cell, msgspec.structs.astuple(each))) for each in report.faults]
+    return [
+        tuple(map(cell, (*msgspec.structs.astuple(each)[:-2], "" if each.problem else each.last, each.problem)))
+        for each in report.faults
+    ]
 
 
 def summary(report: ChaosReport) -> str:

@@ -55,12 +55,15 @@ class Link:
 
     async def serve(self) -> None:
         """Accept connections and pass them on."""
-        async with await asyncio.start_server(self._pass_on, sock=self._listener) as server:
-            await server.serve_forever()
+        # Not `async with`: from Python 3.12 on its end waits for all connections.
+        server = await asyncio.start_server(self._pass_on, sock=self._listener)
+        with closing(server):
+            await self._loop.create_future()
 
     async def _pass_on(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
-        with suppress(OSError), closing(near_out):
+        # asyncio would log the end of `close` as an error.
+        with suppress(OSError, asyncio.CancelledError), closing(near_out):
             await self._until_uncut(lambda: self.up)
             far, far_out = await asyncio.open_connection(*self.target)
             with closing(far_out):

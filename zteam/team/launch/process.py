@@ -25,7 +25,8 @@ log = logging.getLogger("zteam")
 PROC = Path("/proc")
 _KEPT_LINES = 200
 MAX_LINE = 16_384
-"""Characters of a line of a child's output; a longer one comes in pieces."""
+"""Characters of a line of a child's output. What a longer line has beyond them is read and dropped."""
+_CUT = "… (the line is longer)"
 _LONGEST_REPORT = 1 << 20
 """Bytes: an answer may name every mistake of a team."""
 _LAST_LINES = 1.0
@@ -237,8 +238,13 @@ class Process:
 
     def _read(self) -> None:
         assert self._child.stdout is not None
-        for line in iter(partial(self._child.stdout.readline, MAX_LINE), ""):
-            text = line.rstrip("\n")
+        begins = True
+        for part in iter(partial(self._child.stdout.readline, MAX_LINE), ""):
+            ends = part.endswith("\n") or len(part) < MAX_LINE
+            is_rest, begins = not begins, ends
+            if is_rest:
+                continue
+            text = part.rstrip("\n") if ends else part + _CUT
             self.lines.append(text)
             try:
                 self._on_line(self, text)
@@ -257,7 +263,11 @@ class Process:
                     continue
                 given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}
                 self.report = msgspec.structs.replace(self.report, **given)
-                self._on_report(self, news)
+                try:
+                    self._on_report(self, news)
+                except Exception:
+                    # The end of this thread would close the link, and so stop the child.
+                    log.exception("a report of %s could not be passed on", self.name)
 
     def _watch(self) -> None:
         """Wait until the process ends, and call `on_exit`."""

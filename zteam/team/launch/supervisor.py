@@ -119,15 +119,18 @@ class Supervisor:
 
     def restart(self, name: str) -> Member:
         """Start a member again as before, in place of a restart that waits for its time."""
-        place = self._places[name]
-        _call_off(place)
+        with self._restarting:
+            _call_off(self._places[name])
+            return self._begin(name)
+
+    def _begin(self, name: str) -> Member:
         if name in self.members:
             self.members[name].stopping = True
             self.members[name].kill()
             self.members[name].join(GRACE)
         self.ended.discard(name)
-        place.begun = monotonic()
-        member = place.begin()
+        self._places[name].begun = monotonic()
+        member = self._places[name].begin()
         with self.changed:
             self.members[name] = member
             self.changed.notify_all()
@@ -200,9 +203,10 @@ class Supervisor:
         with self._restarting:
             if place.timer is None:
                 return
+            place.timer = None
             self.restarts[name] = self.restarts.get(name, 0) + 1
             try:
-                self.restart(name)
+                self._begin(name)
             except ZteamError as error:
                 log.error("%s; it is not started again", error)
                 with self.changed:

@@ -371,7 +371,8 @@ class Watch:
             came_true = condition()
             if self.now != last:
                 last, since = self.now, monotonic()
-            elif monotonic() - since > STALL_LIMIT:
+            # In lock-step a step has a limit of its own.
+            elif not (came_true or self.interval) and monotonic() - since > STALL_LIMIT:
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
             return came_true or self.now >= end
 

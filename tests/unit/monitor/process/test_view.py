@@ -18,7 +18,7 @@ from zteam.messages import RobotState, TeamState, TeamStatus
 from zteam.monitor.process import display
 from zteam.monitor.process import node as module
 from zteam.monitor.process.node import run_monitor
-from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.start_gate import FollowedTeam
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.shutdown import Stop
@@ -134,17 +134,17 @@ def test_without_a_monitor_there_is_nothing_to_show(hub: MemoryHub, monkeypatch:
 
 
 def test_go_and_its_epoch_are_the_running_monitors() -> None:
-    """Its status has both, whatever robots and simulators do; a robot that was ready before GO is not late."""
-    team = Gate(None, 1)
+    """Robots that run give no GO, and another simulator no epoch: the status that comes has both."""
+    team = FollowedTeam()
     # A monitor of an older version has no words for what it waits for.
-    team.follow(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
-    come(team, 1)
+    team.on_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
+    come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
+    assert not team.gone
     for epoch, session in ((1, "one"), (2, "two")):
-        team.follow(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
-        come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
-        assert (team.epoch, team.all_running()) == (epoch, epoch == 1)
+        team.on_team(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
         team.on_simulator(frozenset({session}))
-    assert [event.text for event in team.take_events() if event.kind in ("status", "go", "late")] == [
+        assert (team.epoch, team.all_running()) == (epoch, epoch == 1)
+    assert [event.text for event in team.take_events()] == [
         "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet",
         "All robots GO!",
         "GO is out; 2 of 2 ready",

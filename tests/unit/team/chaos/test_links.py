@@ -213,8 +213,8 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     assert far.recv(1) == b""
 
 
-def test_links_leave_nothing_open(ends: Ends) -> None:
-    """`close` ends its thread, its connections and its ports."""
+def test_links_leave_nothing_open(ends: Ends, caplog: pytest.LogCaptureFixture) -> None:
+    """`close` ends its thread, its connections and its ports, and says nothing."""
     link = ends.link()
     near, far = ends.connect(link)
     ends.links.close()
@@ -222,6 +222,7 @@ def test_links_leave_nothing_open(ends: Ends) -> None:
     assert has_ended(near) and has_ended(far)
     with pytest.raises(OSError):
         ends.near(link)
+    assert not caplog.records
 
 
 def test_a_link_keeps_the_kind_of_the_router(ends: Ends) -> None:
