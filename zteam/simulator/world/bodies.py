@@ -193,7 +193,10 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
     if body.bitmap is None:
         return body.blocks
     rows, columns = body.bitmap.shape
-    boxes = rectangles(body.bitmap, MAX_RECTANGLES)
+    known, key = reader.settings.boxes, id(body.bitmap)
+    if key not in known:
+        known[key] = rectangles(body.bitmap, MAX_RECTANGLES) or []
+    boxes = known[key]
     if not boxes:
         reader.remark_entity(f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]

@@ -123,6 +123,8 @@ class Settings(msgspec.Struct, frozen=True):
     units: Units = Units()
     bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None]] = msgspec.field(default_factory=dict)
     """Bitmaps read so far, by file and reading: many models may share one."""
+    boxes: dict[int, list[tuple[int, int, int, int]]] = msgspec.field(default_factory=dict)
+    """Rectangles of bitmaps on robots, by the bitmap's identity; none if there are too many."""
     counts: Counter[str] = msgspec.field(default_factory=Counter)
     """Of what a small file must not make so much that it takes long or fills the memory."""
 

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from support.world_texts import LoadText, box_of
 from zteam.geometry import Pose2, signed_area
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
+from zteam.simulator.world import bodies
 from zteam.simulator.world.bodies import (
     Block,
     boundary_slabs,
@@ -222,6 +224,20 @@ def test_a_fine_bitmap_on_a_robot_is_taken_as_its_box(load: LoadText, tmp_path: 
     world = load('position ( bitmap "c.png" size [1 1 1] )', "")
     assert [box_of(shape) for shape in world.robots[0].shapes] == [(-0.5, -0.5, 0.5, 0.5)]
     assert "its box is taken" in world.warnings[0].text
+
+
+@pytest.mark.parametrize("distance", [2, 41])
+def test_robots_of_one_bitmap_share_its_rectangles(
+    load: LoadText, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, distance: int
+) -> None:
+    """They are looked for once, also where they are too many: a small file makes no long work."""
+    find = Mock(wraps=bodies.rectangles)
+    monkeypatch.setattr(bodies, "rectangles", find)
+    pixels = np.where(np.indices((40, 40)).sum(axis=0) % distance, 255, 0)
+    Image.fromarray(pixels.astype(np.uint8)).save(tmp_path / "c.png")
+    robots = load('position ( bitmap "c.png" )\n' * 3, "").robots
+    assert [len(robot.shapes) for robot in robots] == [1 if distance == 2 else 39] * 3
+    find.assert_called_once()
 
 
 def test_a_device_without_a_simulation_keeps_its_body(load: LoadText) -> None:
