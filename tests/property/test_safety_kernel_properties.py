@@ -129,3 +129,10 @@ def test_what_does_not_fit_is_refused(call: Any, name: str) -> None:
     """Wrong shapes and orders of arrays: the argument is named."""
     with pytest.raises(ValueError, match=f"^{name}: "):
         call(np.ones((3, 4)))
+
+
+@pytest.mark.parametrize("kind", ["float32", "int16", "float16", ">f8", "object"])
+def test_arrays_of_another_type_are_refused(kind: str) -> None:
+    """Also of types that the kernels lack altogether, and with bytes in another order."""
+    with pytest.raises((TypeError, ValueError), match=r"^points: |'double \*'"):
+        safety.move_points(np.ones((3, 4), kind), 0.0, 0.0, 0.0)

@@ -262,8 +262,7 @@ def test_bases_obey_within_their_limits(
 
 
 def test_calls_with_what_does_not_fit_are_refused() -> None:
-    """Indexes, shapes without vertices, too few poses, rays that were read only, parked
-    rays that would move."""
+    """Indexes, shapes without vertices, too few poses, arrays of another type or order or read only, parked bits."""
     triangle = [(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 0.0, 1.0)]
     for groups, named in (([(-2, triangle)], "owner"), ([(0, [])], "groups"), ([(0, [((), 0.0, 1.0)])], "groups")):
         with pytest.raises(ValueError, match=named):

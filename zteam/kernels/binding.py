@@ -28,7 +28,7 @@ Counts = NDArray[np.uint32]
 
 
 def memory(name: str, array: NDArray[Any], *shape: int, out: bool = False) -> Any:
-    """An array's memory, for C to read, or to write to (`out`). Raises ValueError unless it has this shape.
+    """An array's memory, for C to read, or to write to (`out`). Raises ValueError unless it has this shape and numbers.
 
     cffi compares the array's type with that of the parameter, and raises TypeError.
     """
@@ -36,7 +36,7 @@ def memory(name: str, array: NDArray[Any], *shape: int, out: bool = False) -> An
         raise ValueError(f"{name}: {array.shape} is not {shape}")
     try:
         return ffi.from_buffer(_POINTERS[array.dtype], array, out)
-    except (BufferError, ValueError) as error:
+    except (BufferError, KeyError, ValueError) as error:
         raise ValueError(f"{name}: {error}") from None
 
 
