@@ -18,8 +18,8 @@ _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
 MAX_LAG = 1.0
 """Host seconds of lateness beyond which the schedule starts anew."""
-_LONGEST_WAIT = 3600.0
-"""Host seconds of one wait for the next tick; a condition takes no time-out of centuries."""
+_LONGEST_WAIT = threading.TIMEOUT_MAX
+"""Host seconds: a condition takes no longer time-out."""
 
 
 class Pacer:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from unittest.mock import Mock
 
 import pytest
 
@@ -79,6 +80,15 @@ def test_a_step_is_not_answered_before_its_tick_is_over(make: Make) -> None:
     harness.free.set()
     harness.join()
     assert [status.tick for status in answers] == [4]
+
+
+def test_a_step_is_waited_for_however_long_it_takes(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever asks for the answer when the world stands gets it then, also after hours."""
+    harness, _ = make()
+    waits = Mock(wraps=harness.node.changed.wait_until)
+    monkeypatch.setattr(harness.node.changed, "wait_until", waits)
+    harness.ask("step", SimStatus, StepRequest(100))
+    assert min(timeout for (_, timeout), _ in waits.call_args_list) > 1e6
 
 
 @pytest.mark.usefixtures("often")
