@@ -14,6 +14,7 @@ from zteam.bus import Bus, Change
 from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock
 from zteam.config.fault import Fault
+from zteam.config.problems import problems_of
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Clock, MapMetaData, ns_from_time
@@ -333,12 +334,11 @@ class SimulatorClient:
     ) -> T:
         timeout = self._answer_limit if timeout is None else timeout
         key = names.service_key(names.SIMULATOR, service)
+        # JSON has no NaN: it would arrive as something else.
+        if request is not None and (problems := problems_of(msgspec.to_builtins(request), type(request))):
+            raise UsageError(f"{key}: {problems[0]}")
         try:
-            # JSON has no NaN: it would arrive as something else.
-            msgspec.convert(msgspec.to_builtins(request), type(request))
             answers = self._bus.query(key, reply_type, request, timeout=timeout)
-        except msgspec.ValidationError as error:
-            raise UsageError(f"{key}: {error}") from None
         except QueryTimeoutError:
             raise BusError(f"the simulator does not answer within {timeout:g} s: see 'zteam doctor'") from None
         except QueryError as error:

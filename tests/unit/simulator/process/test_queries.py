@@ -256,18 +256,23 @@ def test_what_cannot_be_done_is_refused(make: Make, service: str, request_: Chan
 
 
 @pytest.mark.parametrize(
-    "ask",
+    ("ask", "why"),
     [
-        *(lambda client, ticks=ticks: client.step(ticks) for ticks in (0, -1, 10**13)),
-        *(lambda client, speed=speed: client.set_speed(speed) for speed in (0.0, -1.0, math.nan, math.inf, 1e7)),
-        lambda client: client.spawn(math.nan, 0.0),
-        lambda client: client.move(0, 0.0, 0.0, -math.inf),
+        *((lambda client, ticks=ticks: client.step(ticks), "step: ticks") for ticks in (0, -1, 10**13)),
+        *(
+            (lambda client, speed=speed: client.set_speed(speed), "speed: speed")
+            for speed in (0.0, -1.0, math.nan, math.inf, 1e7)
+        ),
+        (lambda client: client.spawn(math.nan, 0.0), "spawn: x: a number of at least"),
+        (lambda client: client.move(0, 0.0, 0.0, -math.inf), "move: yaw"),
     ],
 )
-def test_numbers_are_refused_before_they_are_sent(make: Make, ask: Callable[[SimulatorClient], object]) -> None:
-    """NaN and the like would arrive as something else."""
+def test_numbers_are_refused_before_they_are_sent(
+    make: Make, ask: Callable[[SimulatorClient], object], why: str
+) -> None:
+    """NaN and the like would arrive as something else; the error names the number in plain words."""
     harness, client = make()
-    with pytest.raises(UsageError):
+    with pytest.raises(UsageError, match=f"^sim/{why}.* is expected, not "):
         ask(client)
     assert (harness.world.made, client.status().speed, client.status().tick) == ([], None, 1)
 
