@@ -141,10 +141,10 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
         match = _TOKEN.match(text, position)
         place = TextPlace(file, line, position - line_start + 1)
         if match is None or match.lastgroup is None:
-            unclosed = text[position] == '"'
-            raise place.error(
-                "this string is not closed on its line" if unclosed else f"unexpected character {text[position]!r}"
-            )
+            if text[position] == '"':
+                raise place.error("this string is not closed on its line")
+            hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
+            raise place.error(f"unexpected character {text[position]!r}{hint}")
         position = match.end()
         if match.lastgroup == "skip":
             continue

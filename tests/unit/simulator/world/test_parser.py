@@ -112,7 +112,10 @@ def test_a_second_definition_is_remarked_and_ignored() -> None:
         ("define a model\nx 1", r"w\.world:2:1: expected '\('"),
         ("include map.inc", r"w\.world:1:9: expected the name of the file to include"),
         ('\nname "x\n"', r"w\.world:2:6: this string is not closed on its line"),
-        ("model (){", r"w\.world:1:9: unexpected character '\{'"),
+        ("model (){", r"w\.world:1:9: unexpected character '\{'; write '\('$"),
+        ("model (}", r"w\.world:1:8: unexpected character '\}'; write '\)'$"),
+        ("name 'x'", r"""w\.world:1:6: unexpected character "'"; a string is quoted by "$"""),
+        ("size [1;1]", r"w\.world:1:8: unexpected character ';'$"),
         *((f"a {number}", r"w\.world:1:3: .* is not a number$") for number in ("5m", "1_000", "1e", "0x10", "1.2.3m")),
         *(
             (f"a {number}", r"w\.world:1:3: .* is not a finite number$")
