@@ -88,7 +88,7 @@ def test_a_robot_that_comes_is_stopped_if_all_others_are(hub: MemoryHub, parts: 
 def test_a_simulator_that_begins_asks_the_robots(
     hub: MemoryHub, parts: SimulatorParts, told: dict[int, bool], stopped: list[int]
 ) -> None:
-    """A body without a process is held if all robots with one are stopped; a query that came before counts more."""
+    """A body without a process is held if all robots with one are stopped."""
     for robot_id, held in told.items():
         serve_stop(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
     assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", False, False)]
@@ -96,6 +96,14 @@ def test_a_simulator_that_begins_asks_the_robots(
     assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", 2 in stopped)]
     assert parts.status().stopped == stopped
     assert moved(parts) == [i not in stopped for i in range(3)]
+
+
+def test_a_query_before_the_simulator_has_asked_counts_more(hub: MemoryHub, parts: SimulatorParts) -> None:
+    """What a robot was told meanwhile it stays, whether it has no process or one that says otherwise."""
+    serve_stop(hub.bus(), 0, "robot_0", lambda: False, lambda _: None)
+    change(hub.bus(), 0, 2)
+    parts.node.become_present()
+    assert parts.status().stopped == [0, 2]
 
 
 def test_a_body_is_held_after_its_robots_process_has_ended(hub: MemoryHub, parts: SimulatorParts) -> None:
