@@ -146,6 +146,7 @@ class RobotArrays:
             for mine, theirs in zip(self._state, old._state, strict=True):
                 mine[here] = theirs[there]
             self.bases.angles[self._wheels[here]] = old.bases.angles[old._wheels[there]]
+            self.bases.rates[self._wheels[here]] = old.bases.rates[old._wheels[there]]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
 

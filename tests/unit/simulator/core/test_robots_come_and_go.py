@@ -184,6 +184,30 @@ def test_a_stalled_robot_stays_stalled_while_another_comes(physics: Physics) -> 
     assert engine.observe().robots[0].stall
 
 
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+@pytest.mark.parametrize("other", [0, 9])
+def test_robots_drive_on_while_another_comes_and_goes(physics: Physics, other: int) -> None:
+    """To the bit as without it: poses, odometry with its errors, velocities, wheels and how long a command counts."""
+    slowly = Limits(x=(-1.0, 1.0), yaw=(-1.0, 1.0))
+    runs = []
+    for comes in (False, True):
+        robots = {3: make_robot(acceleration=slowly), 5: make_robot(0.0, 5.0, 1.0, acceleration=slowly)}
+        options = Options(physics=physics, odom_alphas=(0.1, 0.1, 0.1, 0.1))
+        engine = Engine(make_world(wall_at=50.0), robots=robots, options=options)
+        engine.place(5, Pose2(0.0, 7.0, 0.5))
+        seen = [engine.step(dict.fromkeys(robots, drive(0.5, 0.3))) for _ in range(8)]
+        if comes:
+            engine.spawn(other, make_robot(-20.0))
+        seen += [engine.observe(), engine.step({}), engine.step({})]
+        if comes:
+            engine.remove(other)
+        seen += [engine.observe(), engine.step({})]
+        told = [each.robots[i] for each in seen for i in robots]
+        runs.append([(each.truth, each.odom, each.velocity, each.joints) for each in told])
+        runs.append([engine.odom_origin(i) for i in robots])
+    assert runs[:2] == runs[2:]
+
+
 def test_what_slides_slides_on_while_a_robot_comes() -> None:
     """A pushed box goes as far (but for contacts found anew) with a spawn in between as without."""
     ends = []
