@@ -275,6 +275,11 @@ def _hold_static(args: argparse.Namespace) -> None:
                     raise ZteamError(f"refused: {reply.refused}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
+                frames = find_frames(bus) or {}
+                frames.pop(request.child, None)
+                if (known := _names_in(frames)) and request.parent not in known:
+                    text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
+                    print_line(f"zteam tf: {text}{_SEE_TREE}", file=sys.stderr)
         except KeyboardInterrupt:
             return
 
