@@ -292,7 +292,10 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     form = "X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
     if turn is None:
         raise UsageError(f"give {form}")
-    numbers = [parse_number(word, -MAX_COORDINATE, MAX_COORDINATE, f"{form}, numbers") for word in words[:-2]]
+    try:
+        numbers = [parse_number(word, -MAX_COORDINATE, MAX_COORDINATE, "numbers") for word in words[:-2]]
+    except UsageError as error:
+        raise UsageError(f"give {form}; {error}") from None
     keys = ("x", "y", "z", *turn, "parent", "child")
     given = dict(zip(keys, (*numbers, *words[-2:]), strict=True))
     for problem in problems_of(given, StaticTransform):

@@ -164,7 +164,6 @@ def test_what_cannot_work_is_refused() -> None:
         {"min_particles": 0, "max_particles": 0},
         {"max_beams": 0},
         {"sigma_hit": 0.0},
-        {"pf_err": math.nan},
         {"robot_model_type": "car"},
     ):
         with pytest.raises(ValueError, match=next(iter(wrong))):
