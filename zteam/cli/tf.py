@@ -275,6 +275,11 @@ def _hold_static(args: argparse.Namespace) -> None:
                     raise ZteamError(f"refused: {reply.refused}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
+                frames = find_frames(bus) or {}
+                frames.pop(request.child, None)
+                if (known := _names_in(frames)) and request.parent not in known:
+                    text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
+                    print_line(f"zteam tf: {text}{_SEE_TREE}", file=sys.stderr)
         except KeyboardInterrupt:
             return
 
@@ -287,7 +292,10 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     form = "X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
     if turn is None:
         raise UsageError(f"give {form}")
-    numbers = [parse_number(word, -MAX_COORDINATE, MAX_COORDINATE, f"{form}, numbers") for word in words[:-2]]
+    try:
+        numbers = [parse_number(word, -MAX_COORDINATE, MAX_COORDINATE, "numbers") for word in words[:-2]]
+    except UsageError as error:
+        raise UsageError(f"give {form}; {error}") from None
     keys = ("x", "y", "z", *turn, "parent", "child")
     given = dict(zip(keys, (*numbers, *words[-2:]), strict=True))
     for problem in problems_of(given, StaticTransform):

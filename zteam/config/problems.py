@@ -44,6 +44,18 @@ class Problem(NamedTuple):
         return f"{path}: {self.text}" if path else self.text
 
 
+class CheckedOptions(msgspec.Struct, frozen=True):
+    """Options whose types hold wherever they are made, also in Python. Raises ValueError."""
+
+    def __post_init__(self) -> None:
+        for key, field in _fields_of(type(self)).items():
+            value = getattr(self, field.name)
+            # To msgspec a float of numpy is no number.
+            value = float(value) if isinstance(value, float) else value
+            for problem in _problem(value, field.type, (key,), strict=True):
+                raise ValueError(str(problem))
+
+
 def problems_of(
     table: Any,
     kind: type[msgspec.Struct],

@@ -143,6 +143,8 @@ class NavigationClient:
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
         self.is_stopped = False
         """Whether the robot is stopped (`zteam stop`), as far as it has told: it drives on when it is released."""
+        self._behavior = ""
+        """What the robot runs, as far as it has told."""
         self._held: set[str] = set()
         """The presence tokens of the robot's navigation and of its own process."""
         self._gone_since: float | None = None
@@ -170,7 +172,8 @@ class NavigationClient:
         if self._holds(self._navigation):
             silent = "it runs, but no tick of a simulator and no data of a base comes"
             return f"the first status of {self._navigation}: {silent}"
-        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'"
+        runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
+        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
 
     @property
     def is_over(self) -> bool:
@@ -318,7 +321,7 @@ class NavigationClient:
             self._other = None
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
-        self.is_stopped = status.is_stopped
+        self._behavior, self.is_stopped = status.behavior, status.is_stopped
         self._notify()
 
     def _on_token(self, key: str, alive: bool) -> None:

@@ -144,9 +144,14 @@ class Merger:
         child = transform.child_frame_id
         known = self.statics.holders.get(child) or self.buffer.frame(child)
         if known is not None and known.authority != authority:
-            way_out = "end that process or name another child"
-            start = "a start pose belongs in [[static_transforms]] of the team file"
-            return f"{self.statics.shown(known.authority)} publishes {child} already: {way_out}; {start}"
+            way_out = "name another child"
+            if known.authority == TEAM_FILE:
+                way_out = "change it there"
+            elif names.is_robot_frame(child, names.ODOM):
+                way_out = "a start pose belongs in [[static_transforms]] of the team file"
+            elif isinstance(known, Static) and known.rank == Rank.CALLER:
+                way_out = "end that process or name another child"
+            return f"{self.statics.shown(known.authority)} publishes {child} already: {way_out}"
         refused = self.statics.put(Static(Rank.CALLER, transform, authority))
         return refused.text if refused else ""
 

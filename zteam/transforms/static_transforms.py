@@ -1,7 +1,7 @@
 """The static transforms of a whole team: each child frame has one authority at a time.
 
-The first source that lives holds a frame, and after it the last one that it kept out. Sources that may have ended give
-way to the next one; a frame outlives its source, as in tf2. The start pose `map -> robot_N/odom` has several sources by
+What all sources say of a frame is kept. Of those that live the first one counts; without one, the last of those that
+may have ended: a frame outlives its source, as in tf2. The start pose `map -> robot_N/odom` has several sources by
 design, and a higher rank replaces a lower one without a conflict. A localiser publishes this edge as moving data: it
 shadows a start pose of a lower rank until the localiser's data is forgotten.
 """
@@ -29,6 +29,10 @@ class Rank(IntEnum):
     """It gives way for every frame, not only for a start pose: the base itself knows best where its laser is."""
 
 
+MOST_SOURCES = 8
+"""Of one frame; a sender can invent sessions."""
+
+
 class Static(NamedTuple):
     """A static transform and its source."""
 
@@ -53,8 +57,8 @@ class StaticTransforms:
         self.holders: dict[str, Static] = {}
         """Those that count, by child frame, the shadowed ones included."""
         self._buffer, self._name_of = buffer, name_of
-        self._kept_out: dict[str, Static] = {}
-        """By child frame, what was refused last because another source holds the frame."""
+        self._said: dict[str, dict[str, Static]] = {}
+        """By child frame and authority, in the order in which they first said the frame."""
         self._localised: set[str] = set()
         """The `robot_N/odom` frames that a localiser has placed."""
 
@@ -63,29 +67,48 @@ class StaticTransforms:
         return self._name_of(authority) or authority
 
     def put(self, static: Static) -> Rejection | None:
-        """Let a source give a frame; None, or why it does not count though no higher rank hides it."""
+        """Keep what a source says; None, or why it does not count though no higher rank hides it."""
         rank, transform, authority, sent = static
         child = transform.child_frame_id
-        held = self.holders.get(child)
-        if held is not None and held.authority == authority:
-            if held.sent.hides(sent):
-                if held.sent.stamp == sent.stamp:
-                    self.holders[child] = held._replace(sent=sent)
-                return None
-        elif held is not None:
-            new, old = self._precedence(static), self._precedence(held)
-            if new > old or (new == old and not old[1]):
-                if Rank.DESCRIPTION in (held.rank, rank) or (is_start_pose(transform) and held.rank < rank):
-                    return None
-                self._kept_out[child] = static
-                first = self.shown(held.authority)
-                text = f"{child} is said by {first} and by {self.shown(authority)}: {first} stays"
-                return Rejection("second authority", text)
-        if not self._is_shadowed(child, static):
-            if refused := self._store(static):
+        said = self._said.setdefault(child, {})
+        before = said.get(authority)
+        if before is not None and before.sent.hides(sent):
+            if before.sent.stamp == sent.stamp:
+                said[authority] = before._replace(sent=sent)
+            return None
+        said[authority] = static
+        if (refused := self._choose(child)) is not None:
+            if before is None:
+                self._take_back(child, authority)
+            else:
+                said[authority] = before
+            return refused
+        if len(said) > MOST_SOURCES:
+            del said[max(enumerate(said.values()), key=self._order)[1].authority]
+        holder = self.holders[child]
+        gives_way = Rank.DESCRIPTION in (holder.rank, rank) or (is_start_pose(transform) and holder.rank < rank)
+        if holder.authority == authority or gives_way:
+            return None
+        first = self.shown(holder.authority)
+        text = f"{child} is said by {first} and by {self.shown(authority)}: {first} stays"
+        return Rejection("second authority", text)
+
+    def _choose(self, child: str) -> Rejection | None:
+        """Let the best source count; None, or why the buffer refused it and the one of before still counts."""
+        held, said = self.holders.get(child), self._said[child]
+        if not said:
+            del self._said[child]
+            if self.holders.pop(child, None) is not None:
+                self.changed = True
+                if child not in self._localised:
+                    self._buffer.forget(child)
+            return None
+        _, best = min(enumerate(said.values()), key=self._order)
+        if best != held and not self._is_shadowed(child, best):
+            if refused := self._store(best):
                 return refused
-            self.changed |= held is None or transform != held.transform
-        self.holders[child] = static
+            self.changed |= held is None or best.transform != held.transform
+        self.holders[child] = best
         return None
 
     def _store(self, static: Static) -> Rejection | None:
@@ -97,40 +120,36 @@ class StaticTransforms:
             source, mover = self.shown(static.authority), known.authority
             return Rejection("moving frame", f"{child} moves, by {mover}: the static transform of {source} is refused")
 
-    def _precedence(self, static: Static) -> tuple[int, bool]:
-        """The less counts: the rank where that matters, and whether the source may have ended."""
-        rank, transform, authority, _ = static
+    def _order(self, numbered: tuple[int, Static]) -> tuple[int, bool, int]:
+        """The least one counts: of sources that live the first one, of the others the one that came last."""
+        number, (rank, transform, authority, _) = numbered
+        lives = self._name_of(authority) is not None
         counts = rank if rank == Rank.DESCRIPTION or is_start_pose(transform) else 0
-        return counts, self._name_of(authority) is None
+        return counts, not lives, number if lives else -number
 
     def look_again(self, authority: str) -> None:
-        """A source has come to life or may have ended: one that it kept out may count now."""
-        for child, kept_out in [*self._kept_out.items()]:
-            if authority in (self.holders[child].authority, kept_out.authority):
-                del self._kept_out[child]
-                self.put(kept_out)
+        """A source has come to life or may have ended: other sources may count now."""
+        for child, said in self._said.items():
+            if authority in said and len(said) > 1:
+                self._choose(child)
 
     def drop_reparented(self, authority: str, new: Mapping[str, TransformStamped], sent: Sent = NOT_KNOWN) -> None:
         """Drop what the source said before it `sent` its `new` edges (by child frame) and that contradicts them."""
         parents = {transform.header.frame_id for transform in new.values()}
-        for child, held in [*self.holders.items()]:
-            if held.authority == authority and not held.sent.hides(sent):
-                parent = held.transform.header.frame_id
+        for child, said in list(self._said.items()):
+            if authority in said and not said[authority].sent.hides(sent):
+                parent = said[authority].transform.header.frame_id
                 if new[child].header.frame_id != parent if child in new else child in parents and parent in new:
-                    self._drop(child)
+                    self._take_back(child, authority)
 
     def drop_authority(self, authority: str) -> None:
-        for child, held in [*self.holders.items()]:
-            if held.authority == authority:
-                self._drop(child)
+        for child, said in list(self._said.items()):
+            if authority in said:
+                self._take_back(child, authority)
 
-    def _drop(self, child: str) -> None:
-        del self.holders[child]
-        self.changed = True
-        if child not in self._localised:
-            self._buffer.forget(child)
-        if (kept_out := self._kept_out.pop(child, None)) is not None:
-            self.put(kept_out)
+    def _take_back(self, child: str, authority: str) -> None:
+        del self._said[child][authority]
+        self._choose(child)
 
     def localise(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store a localiser's moving `map -> robot_N/odom`, which shadows the static one; None, or why it was refused.

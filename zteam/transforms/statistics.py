@@ -8,7 +8,7 @@ import numpy as np
 
 from zteam.messages import TransformStamped, ns_from_time
 
-WINDOW = 10_000
+WINDOW = 1000
 """The figures of a frame are computed from this many of its newest samples."""
 
 

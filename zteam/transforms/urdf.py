@@ -5,6 +5,7 @@ own names; the merger puts a robot's prefix before them.
 """
 
 import math
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -82,7 +83,11 @@ def read_description(path: Path) -> Description:
         raise ConfigError(f"{path}: not XML: {error}") from None
     if root.tag != "robot" or any(each.tag.startswith("{http://www.ros.org/wiki/xacro}") for each in root.iter()):
         raise ConfigError(f"{path}: not a URDF file, which is a <robot>; of a xacro file: xacro FILE > robot.urdf")
-    return Description(tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element))))
+    joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
+    for child, count in Counter(joint.child for joint in joints).items():
+        if count > 1:
+            raise ConfigError(f"{path}: link {child!r:.60} hangs on {count} joints: a link has one parent")
+    return Description(joints)
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:

@@ -9,6 +9,7 @@ from support.commands import run_here
 from support.fake_navigation import FakeNavigation
 from support.limits import LIMIT
 from support.transports import wait_until_true
+from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli import goto
 from zteam.messages import NavigationState, PoseStamped, RobotStatus
@@ -180,3 +181,15 @@ def test_a_robot_that_runs_go_to_gets_the_goal(hub: MemoryHub, capsys: pytest.Ca
     output = capsys.readouterr()
     assert "robot_1 has no navigation: its behaviour go_to drives it, by its laser alone\n" in output.err
     assert '"driven_by":"go_to"' in output.out
+
+
+@pytest.mark.gate
+def test_a_robot_that_takes_no_goals_is_named(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """The user learns what the robot runs instead."""
+    bus = hub.bus()
+    bus.declare_token(names.token_key("robot_1", bus.instance))
+    statuses = bus.publisher("robot_1/status", RobotStatus)
+    run = Goto("1 3 4 --timeout 1")
+    wait_until_true(lambda: bool(statuses.put(RobotStatus(robot_id=1, behavior="wander"))) or run.code is not None)
+    assert run.end() == 1
+    assert "zteam-nav --id 1'; it runs the behaviour wander, which takes no goals)" in capsys.readouterr().err

@@ -5,6 +5,7 @@ import json
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -99,12 +100,12 @@ def test_the_tree_is_drawn(tmp_path: Path, run: Run) -> None:
 @pytest.mark.parametrize(
     ("frames", "text"),
     [
-        ("map robot_0/odom", "sim publishes robot_0/odom already: end that process or name another child; a start"),
-        ("map robot_0/arm", "robot_0 publishes robot_0/arm already: end"),
-        ("map table", "team_file publishes table already: end"),
+        ("map robot_0/odom", "sim publishes robot_0/odom already: a start pose belongs in [[static_transforms]]"),
+        ("map robot_0/arm", "robot_0 publishes robot_0/arm already: name another child"),
+        ("map table", "team_file publishes table already: change it there"),
         ("table map", "closes a loop"),
-        ("map robot_3/odom", "session {base} publishes robot_3/odom already"),
-        ("map camera", "{holder} publishes camera already: end"),
+        ("map robot_3/odom", "session:{base} publishes robot_3/odom already: a start"),
+        ("map camera", "{holder} publishes camera already: end that process or name another child"),
     ],
 )
 @pytest.mark.usefixtures("desk")
@@ -130,6 +131,25 @@ def test_a_static_transform_has_angles_or_a_quaternion(words: str, rotation: tup
     found = (request.parent, request.child, request.x, request.y, request.z)
     assert found == ("map", "camera", 1.0, 2.0, 3.0)
     assert (request.qx, request.qy, request.qz, request.qw) == pytest.approx(rotation, abs=1e-6)
+
+
+@pytest.mark.usefixtures("desk")
+def test_a_parent_without_a_publisher_is_named(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
+    """`odom` instead of `robot_0/odom` makes a tree of its own: a warning says so, and the frame holds all the same."""
+    wait = tf.Waiter.wait
+
+    def until_held(waiter: tf.Waiter, ready: Any, timeout: float | None, what: str) -> bool:
+        if "holds" not in printed:
+            printed.append("holds")
+            return wait(waiter, ready, timeout, what)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tf.Waiter, "wait", until_held)
+    for parent, hint in (("odom", "'odom': did you mean robot_0/odom? (see"), ("robot_0/odom", "")):
+        printed: list[str] = []
+        out, err = run(f"zteam tf static 1 0 0 0 0 0 {parent} camera")
+        assert out == f"{parent} -> camera holds until Ctrl+C\n"
+        assert hint in err and bool(hint) is bool(err)
 
 
 @pytest.mark.usefixtures("desk")

@@ -1,5 +1,6 @@
 """The map server on a bus in memory, and maps as messages."""
 
+import math
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from zteam.cli import listening
 from zteam.cli import main as zteam
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.messages import OccupancyGrid, decode, encode
+from zteam.messages import OccupancyGrid, Point, Pose, decode, encode
 from zteam.navigation.map_server import run_map_server
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.maps import map_grid, map_message, read_map
@@ -64,7 +65,12 @@ def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
     """A map whose numbers do not fit is no map."""
     with pytest.raises(UsageError, match="the map has 0 values for 0 x 0 cells"):
         map_grid(OccupancyGrid())
-    for field, value, text in (("width", 5, "8 values for 5 x 2"), ("resolution", 0.0, "cells of 0 m")):
+    nowhere = Pose(Point(math.nan, 0.0, 0.0))
+    for field, value, text in (
+        ("width", 5, "8 values for 5 x 2"),
+        ("resolution", 0.0, "resolution of 0 m"),
+        ("origin", nowhere, "the origin of the map is not finite"),
+    ):
         message = map_message(grid)
         setattr(message.info, field, value)
         with pytest.raises(UsageError, match=text):

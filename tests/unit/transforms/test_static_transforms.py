@@ -9,7 +9,7 @@ from support.transforms import S, stamped
 from zteam.clock import Sent
 from zteam.messages import TransformStamped
 from zteam.transforms.buffer import Buffer
-from zteam.transforms.static_transforms import Rank, Static, StaticTransforms, is_start_pose
+from zteam.transforms.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms, is_start_pose
 
 ODOM, CAMERA = "robot_0/odom", "robot_0/camera"
 SOURCES = (Rank.TEAM_FILE, Rank.SIMULATOR, Rank.CALLER, Rank.DESCRIPTION)
@@ -141,21 +141,22 @@ def test_an_edge_that_is_said_anew_under_another_parent_goes_first() -> None:
 
 
 def test_a_source_that_lives_counts_before_one_that_may_have_ended() -> None:
-    """The first one that lives holds a frame; when it ends, the last one that it kept out has it. Of those that do not
-    live, the one that came last counts."""
+    """The first one that lives holds a frame; when it ends the next one has it, and the first one's return brings it
+    back. Of those that do not live, the one that came last counts.
+    """
     statics = Statics("sim", "driver")
-    for x, source in enumerate(("script", "second", "script", "sim", "other", "driver")):
+    for x, source in enumerate(("script", "second", "script", "sim", "driver", "other")):
         statics.say(float(x), source)
-        assert statics.xs() == {CAMERA: min(float(x), 3.0)}
-    statics.living.discard("sim")
-    statics.look_again("sim")
-    assert statics.xs() == {CAMERA: 5.0}
-    statics.living.discard("driver")
+        if x == 2:
+            assert statics.xs() == {CAMERA: 1.0}
+    assert statics.xs() == {CAMERA: 3.0}
+    for gone, x in (("sim", 4.0), ("driver", 5.0)):
+        statics.living.discard(gone)
+        statics.look_again(gone)
+        assert statics.xs() == {CAMERA: x}
+    statics.living.add("driver")
     statics.look_again("driver")
-    statics.say(9.0, "other")
-    assert statics.xs() == {CAMERA: 9.0}
-    statics.drop_authority("other")
-    assert statics.xs() == {}
+    assert statics.xs() == {CAMERA: 4.0}
 
 
 @pytest.mark.parametrize(
@@ -176,6 +177,39 @@ def test_what_a_source_said_last_counts(first: Sent, second: Sent, x: float) -> 
     statics.drop_reparented("sim", {CAMERA: later.transform}, later.sent)
     statics.put(later)
     assert statics.xs() == {CAMERA: x}
+
+
+def test_invented_sources_push_out_none_that_lives() -> None:
+    """However many sources come and go, the holder stays, and the next one that lives has the frame after it."""
+    statics = Statics("sim", "driver")
+    statics.say(1.0, "sim")
+    statics.say(2.0, "driver")
+    for number in range(3 * MOST_SOURCES):
+        statics.say(3.0, str(number))
+    assert statics.xs() == {CAMERA: 1.0}
+    statics.living.discard("sim")
+    statics.look_again("sim")
+    assert statics.xs() == {CAMERA: 2.0}
+    statics.drop_authority("driver")
+    held = 0
+    while statics.xs():
+        statics.drop_authority(statics.holders[CAMERA].authority)
+        held += 1
+    assert held < MOST_SOURCES
+
+
+def test_what_was_withdrawn_stays_so_and_a_description_comes_back() -> None:
+    """A source that dropped an edge while another one held it has no part in it any more; a description waits."""
+    statics = Statics("sim", "driver")
+    for x, source, rank in (
+        (1.0, "urdf", Rank.DESCRIPTION),
+        (2.0, "sim", Rank.SIMULATOR),
+        (3.0, "driver", Rank.CALLER),
+    ):
+        statics.say(x, source, rank)
+    for source, x in (("driver", 2.0), ("sim", 1.0)):
+        statics.drop_reparented(source, {CAMERA: camera(x, "arm")})
+        assert statics.xs() == {CAMERA: x}
 
 
 def test_a_frame_that_moves_is_not_made_fixed() -> None:

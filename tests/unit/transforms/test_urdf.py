@@ -91,6 +91,7 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
         ('<robot><joint name="a" type="fixed"><parent link="x"/></joint></robot>', "child link"),
         (joints(joint("a", "x", "y", '<origin xyz="1 2"/>')), "origin xyz must be 3 finite numbers"),
         (joints(joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),
+        (joints(joint("a", "x", "y"), joint("b", "z", "y")), "'y' hangs on 2 joints"),
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> None:

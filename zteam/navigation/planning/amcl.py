@@ -8,12 +8,12 @@ import math
 from collections.abc import Iterable
 from typing import Literal
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.map_files import FREE
 from zteam.config.numbers import Count, Positive
+from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
@@ -42,8 +42,8 @@ _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
 
-class AmclOptions(msgspec.Struct, frozen=True):
-    """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for numbers of particles that do not fit."""
+class AmclOptions(CheckedOptions, frozen=True):
+    """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for those that cannot work."""
 
     alpha1: float = 0.2
     alpha2: float = 0.2
@@ -78,6 +78,7 @@ class AmclOptions(msgspec.Struct, frozen=True):
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.min_particles > self.max_particles:
             raise ValueError(f"min_particles {self.min_particles} is above max_particles {self.max_particles}")
 

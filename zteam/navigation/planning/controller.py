@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from zteam.config.numbers import Positive
+from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
@@ -56,7 +57,7 @@ class Controller(Protocol):
         """Metres of the path that lie before the robot."""
 
 
-class PursuitOptions(msgspec.Struct, frozen=True):
+class PursuitOptions(CheckedOptions, frozen=True):
     """Parameters of RegulatedPurePursuitController, with Nav2's names and defaults."""
 
     desired_linear_vel: Positive = 0.5

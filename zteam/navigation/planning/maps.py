@@ -86,8 +86,10 @@ def map_grid(message: OccupancyGrid) -> GridMap:
     info, origin = message.info, planar(message.info.origin)
     # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
     resolution = float(str(np.float32(info.resolution)))
-    is_whole = message.data.size == info.width * info.height > 0
-    if not is_whole or origin is None or not _RESOLUTIONS[0] <= resolution <= _RESOLUTIONS[1]:
-        size = f"{message.data.size} values for {info.width} x {info.height} cells of {resolution:g} m"
-        raise UsageError(f"the map has {size}, and must have one for each, 1e-4 to 1e3 m, and an origin in the plane")
+    if not message.data.size == info.width * info.height > 0:
+        raise UsageError(f"the map has {message.data.size} values for {info.width} x {info.height} cells")
+    if origin is None:
+        raise UsageError("the origin of the map is not finite, too far away, or no pose in the plane")
+    if not _RESOLUTIONS[0] <= resolution <= _RESOLUTIONS[1]:
+        raise UsageError("the map has a resolution of {:g} m, not {:g} to {:g} m".format(resolution, *_RESOLUTIONS))
     return make_map(np.array(message.data, np.int8).reshape(info.height, info.width), resolution, origin)

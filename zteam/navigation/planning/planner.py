@@ -159,8 +159,10 @@ class AStarPlanner:
         """A path from `start` to `goal`, or to the nearest point up to `tolerance` from it. Raises NoPathError."""
         frame, options = costmap.frame, self.options
         for what, pose in (("start", start), ("goal", goal)):
-            if not all(map(math.isfinite, pose)) or not frame.holds(*frame.cell_at(pose.x, pose.y)):
-                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map, or not finite")
+            is_finite = all(map(math.isfinite, pose))
+            if not is_finite or not frame.holds(*frame.cell_at(pose.x, pose.y)):
+                problem = "outside of the map" if is_finite else "not finite"
+                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is {problem}")
         field = self.prepare(costmap)
         # The cell of the start, or the nearest one that a robot may be in.
         first = field.nearest_free(frame.cell_at(start.x, start.y), ESCAPE / frame.resolution)

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Literal, get_args
 
-import msgspec
-
+from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, Velocity, normalize_angle
 from zteam.navigation.planning.controller import time_to_collision
 from zteam.navigation.planning.costmap import Costmap
@@ -16,7 +15,7 @@ _CURVATURES = 0.0, 2.0, -2.0, 4.0, -4.0
 """1/m: the ways in which a robot tries to back up."""
 
 
-class RecoveryOptions(msgspec.Struct, frozen=True):
+class RecoveryOptions(CheckedOptions, frozen=True):
     """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
 
     behaviors: tuple[Behavior, ...] = get_args(Behavior)

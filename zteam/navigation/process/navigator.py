@@ -86,7 +86,7 @@ class Navigator:
         self.state, self.text = NavigationState.PLANNING, ""
 
     def refuse(self, message: PoseStamped, reason: str) -> None:
-        """A goal that cannot be: the one that there was is here up as well."""
+        """A goal that cannot be: the one that there was is given up as well."""
         self._begin()
         self.message = message
         self._end(NavigationState.ABORTED, reason)
@@ -139,7 +139,7 @@ class Navigator:
         return self._drive(here, costmaps, self.goal)
 
     def _plan(self, here: Situation, costmaps: Costmaps, goal: Pose2) -> bool:
-        """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is here up."""
+        """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is given up."""
         self._planned = here.now
         costmaps.look_far(here)
         try:
@@ -201,8 +201,8 @@ class Navigator:
         if self._in_vain >= _IN_VAIN * self._parameters.recovery.number_of_retries > 0:
             end = f"{reason}: gave up after {self._in_vain} recoveries that brought it no nearer to the goal"
             self._end(NavigationState.ABORTED, end)
-        elif (here_up := self._recovery.begin(here.now, pose, reason)) is not None:
-            self._end(NavigationState.ABORTED, here_up)
+        elif (given_up := self._recovery.begin(here.now, pose, reason)) is not None:
+            self._end(NavigationState.ABORTED, given_up)
         else:
             left = self.distance_remaining or math.dist(pose[:2], goal[:2])
             self.recoveries, self._in_vain = self.recoveries + 1, self._in_vain + 1

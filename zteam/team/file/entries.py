@@ -129,9 +129,10 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise KeyValueError(name, text)
         given = self.quaternion
         # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.
-        is_turn = len(given) == 4 and 0.9 < math.hypot(*given) < 1.1
-        if given and (not is_turn or self.yaw or self.pitch or self.roll):
-            raise KeyValueError("qw", "belongs to all of qx, qy, qz, qw with a length of 1, without yaw, pitch, roll")
+        if given and (len(given) < 4 or self.yaw or self.pitch or self.roll):
+            raise KeyValueError("qw", "belongs to all of qx, qy, qz, qw, without yaw, pitch, roll")
+        if given and not 0.9 < math.hypot(*given) < 1.1:
+            raise KeyValueError("qw", f"the quaternion has the length {math.hypot(*given):.3g}; it must be 1")
 
     @property
     def quaternion(self) -> list[float]:

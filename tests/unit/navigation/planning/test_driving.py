@@ -181,6 +181,14 @@ def test_a_recovery_stops_before_an_obstacle() -> None:
     assert recovery.step(0.0, Pose2(1.23, 2.5, 0.0), costmap) is None
 
 
+def test_options_that_cannot_work_are_refused() -> None:
+    """A behaviour that does not exist, and a speed of 0, also where a program makes the options itself."""
+    with pytest.raises(ValueError, match=r"behaviors\[1\]"):
+        RecoveryOptions(behaviors=("wait", "dance"))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="desired_linear_vel: a number above 0"):
+        PursuitOptions(desired_linear_vel=0.0)
+
+
 def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> None:
     """Each for a second: it turns the other way round, and backs up on arcs; then the behaviour is over."""
     costmap, pose = room(), Pose2(2.5, 2.5, 0.0)

@@ -159,8 +159,16 @@ def test_clusters_touch() -> None:
 def test_what_cannot_work_is_refused() -> None:
     """Fewer particles than the least, no beams, a base of another kind, a pose that is not finite, a map without
     room."""
-    with pytest.raises(ValueError, match="min_particles 300"):
-        AmclOptions(min_particles=300, max_particles=200)
+    for wrong in (
+        {"min_particles": 300, "max_particles": 200},
+        {"min_particles": 0, "max_particles": 0},
+        {"max_beams": 0},
+        {"sigma_hit": 0.0},
+        {"robot_model_type": "car"},
+    ):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            AmclOptions(**wrong)  # type: ignore[arg-type]
+    assert AmclOptions(sigma_hit=np.float64(0.3)).sigma_hit == 0.3
     with pytest.raises(UsageError, match=r"max_beams.*\nsigma_hit.*\nrobot_model_type"):
         read_options(AmclOptions, {"max_beams": 0, "sigma_hit": 0.0, "robot_model_type": "car"})
     with pytest.raises(ValueError, match="finite"):
