@@ -1,7 +1,6 @@
 """The parameters of a behaviour as plain data: what it takes, and what it has."""
 
 import enum
-from inspect import formatannotation
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -66,11 +65,15 @@ def _metas(annotation: Any) -> list[msgspec.Meta]:
 
 def _type_text(annotation: Any) -> str:
     """A type without what is annotated to it, or its choices."""
-    parts = get_args(annotation)
-    if get_origin(annotation) is Literal:
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Literal:
         return " | ".join(map(repr, parts))
-    if get_origin(annotation) in (Union, UnionType):
+    if origin in (Union, UnionType):
         return " | ".join(map(_type_text, parts))
     if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
         return " | ".join(repr(choice.value) for choice in annotation)
-    return formatannotation(annotation) if annotation is not NoneType else "None"
+    if parts:
+        return f"{_type_text(origin)}[{', '.join(map(_type_text, parts))}]"
+    if annotation in (NoneType, ...):
+        return "None" if annotation is NoneType else "..."
+    return getattr(annotation, "__name__", str(annotation))

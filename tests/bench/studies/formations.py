@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -17,7 +18,7 @@ from zteam.cli.tables import format_table
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.formation import SHAPES, Shape, assign, slots_of
+from zteam.robot.behaviors.formation import Shape, assign, slots_of
 from zteam.robot.behaviors.path import Polyline
 from zteam.simulator.world.model import footprint
 from zteam.world import World, add_robot, load_world
@@ -103,7 +104,7 @@ def measure_formations(starts: int | None, *, in_process: bool, progress: Progre
     For `in_process` see `measure_chains`. Raises ZteamError for a run that fails.
     """
     seeds = range(1, 1 + (STARTS if starts is None else min(starts, STARTS)))
-    return [_measure(shape, seeds, in_process, progress) for shape in SHAPES]
+    return [_measure(shape, seeds, in_process, progress) for shape in get_args(Shape)]
 
 
 def _measure(shape: Shape, seeds: Sequence[int], in_process: bool, progress: Progress) -> FormationFigures:

@@ -247,3 +247,11 @@ def test_a_step_that_does_not_return_ends_the_trials(folder: Path, monkeypatch: 
         assert result.faults[0].place in (mine.place("while not"), mine.place("x = 1"))
     finally:
         sys.modules[mine.module].Mine.is_free = True
+
+
+def test_no_step_is_under_way_after_one_that_raises(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow constructor of the next object is no step that does not return."""
+    monkeypatch.setattr(check, "HANGS_AFTER", 0.1)
+    body = "raise ValueError\n\n    def __init__(self, params):\n        time.sleep(0.4)\n"
+    result = next(iter(run_trials("mine", Candidate(folder, MINE + body).load(), {})))
+    assert [fault.kind for fault in result.faults] == ["raises"]

@@ -96,6 +96,12 @@ class Behavior:
     def __init__(self, params: Any) -> None:
         self.params = params
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        # What the class above it says of its own step need not be true of another one.
+        if "step" in vars(cls) and "why_it_rests" not in vars(cls):
+            cls.why_it_rests = Behavior.why_it_rests  # type: ignore[method-assign]
+
     def step(self, view: View) -> Twist:
         """The velocity from now on, in the base frame: m/s and rad/s."""
         raise BehaviorError(f"{type(self).__name__} has no step(view)")
@@ -114,8 +120,7 @@ class Behavior:
 
     def why_it_rests(self) -> str:
         """Why the velocity of its last step is zero without a `reason`, for the robot's status; empty = no word."""
-        zero = [name for name in ("speed", "max_linear") if getattr(self.params, name, None) == 0]
-        return f"its parameter {zero[0]} is 0" if zero else ""
+        return ""
 
     def missing(self, view: View) -> list[str]:
         """What the behaviour itself still needs before the robot may call itself ready."""

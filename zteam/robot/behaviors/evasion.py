@@ -1,7 +1,7 @@
 """How a robot gets past what stands between it and a place, and free where it has no room to turn.
 
-And in a line: the robot that leads drives at random, looks before it turns, and hands over where it is stuck. The
-others make room behind a head that keeps its place, and that may turn back into its line.
+The robot that leads a line drives at random, looks before it turns, and hands over where it is stuck. The robots
+behind it make room for a head that keeps its place, and that may turn back into its line.
 """
 
 import math
@@ -256,10 +256,6 @@ STRAY, STRAY_TURN = 0.4, 1.0
 """m/s and rad/s while it is off its trail."""
 
 
-Answer = tuple[Twist, str]
-"""A velocity, and why it is zero, or what the robot does instead of following."""
-
-
 class BoxedIn:
     """Whether a leader has no room to get on."""
 
@@ -330,8 +326,9 @@ class MakingRoom:
         self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
         *, keeps: bool, wants: bool, driven_on: float = 0.0,
     ) -> tuple[Twist | None, str]:  # fmt: skip
-        """The velocity of a robot at `own` (map) and its `role` in the line, and what it does; without what it does it
-        follows, and without a velocity it backs up.
+        """The velocity of a robot at `own` (map) with this `role` in the line, and what it does.
+
+        An empty text means: follow. A text without a velocity means: back up.
 
         `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
         the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`. `driven_on`: metres that

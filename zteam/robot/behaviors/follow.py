@@ -116,6 +116,7 @@ class Follow(LineMember):
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
             command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, role.gone)
             if command is not None:
+                self._head.rest()
                 return command
         if role.head in role.gone:
             then: str = self.params.takeover_behavior
@@ -126,11 +127,14 @@ class Follow(LineMember):
                 kind = SUCCESSORS.get(then, Avoid)
                 if type(self._successor) is not kind:
                     self._successor = kind(kind.Params())
+                self._head.rest()
                 command, self.reason = self._successor.step(view), self._successor.reason
                 return command
         return self._lead(view, own, role, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
+        if not self.params.max_linear:
+            return "its parameter max_linear is 0"
         return super().why_it_rests() if self._successor is None else self._successor.why_it_rests()
 
     def _drive_straight(self, view: View, ahead: int, limits: SpeedLimits) -> Twist:

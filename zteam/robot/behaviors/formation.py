@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -91,7 +91,6 @@ _SLOTS: dict[Shape, Callable[[int, float], list[Slot]]] = {
     "diamond": _diamond,
     "circle": _circle,
 }
-SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 
 BESIDE_MARGIN = 0.1
@@ -387,7 +386,7 @@ class Formation(Behavior):
         return self._around_leader.drive_to(view, STEP * math.cos(away), STEP * math.sin(away), limits)
 
     def why_it_rests(self) -> str:
-        return super().why_it_rests() or "in its slot"
+        return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
 
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""

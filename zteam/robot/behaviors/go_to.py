@@ -233,6 +233,9 @@ class GoTo(Behavior):
         self._spun = 0.0
         self._escape.rest()
 
+    def why_it_rests(self) -> str:
+        return "its parameter speed is 0"
+
     def cancel_goal(self) -> bool:
         self._is_canceled = self.navigation.state == NavigationState.DRIVING
         return self._is_canceled

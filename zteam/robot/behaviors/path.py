@@ -460,7 +460,7 @@ class FollowPath(Behavior):
         return pursue(own, path, place, speed, SpeedLimits(angular=self.params.max_angular, lateral=LATERAL), AHEAD)
 
     def why_it_rests(self) -> str:
-        return super().why_it_rests() or "its path leads to where it stands"
+        return "its path leads to where it stands" if self.params.speed else "its parameter speed is 0"
 
     def _find_place(self, own: Pose2) -> float:
         """The nearest place: of the whole path at first, then a little ahead. It never goes back."""

@@ -4,9 +4,9 @@ import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import msgspec
 
@@ -104,7 +104,7 @@ def find_behavior(spec: str) -> type[Behavior]:
     if colon and module.endswith(".py"):
         raise UsageError(f"no behaviour {spec!r} (did you mean {module[:-3].replace('/', '.')}:{name}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
-        return _checked(spec, load_named(f"behaviour {spec!r}", module, name))
+        return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
     if found is not None:
         return _checked(spec, found)
@@ -113,8 +113,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
 
 
-def load_named(what: str, module: str, name: str) -> Any:
-    """What the user's `module` calls `name`, for `what`. Raises UsageError."""
+def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
+    """What the user's `module` calls `name`, for `what`. Raises UsageError with the names of what it `offers` there."""
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
@@ -123,13 +123,23 @@ def load_named(what: str, module: str, name: str) -> Any:
     found = getattr(imported, name, None)
     if found is None:
         place = getattr(imported, "__file__", None) or "built in"
-        raise UsageError(f"{what}: module {module} ({place}) has no {name}{did_you_mean(name, vars(imported))}")
+        own = [
+            key
+            for key, value in vars(imported).items()
+            if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
+        ]
+        way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
+        raise UsageError(f"{what}: module {module} ({place}) has no {name}{way_out}")
     return found
+
+
+def _is_behavior(found: Any) -> TypeGuard[type[Behavior]]:
+    return inspect.isclass(found) and issubclass(found, Behavior)
 
 
 def _checked(spec: str, found: Any) -> type[Behavior]:
     """`found` itself, if it is a behaviour with a type for its parameters. Raises UsageError."""
-    if not (inspect.isclass(found) and issubclass(found, Behavior)):
+    if not _is_behavior(found):
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
     params = getattr(found, "Params", None)
     if not (inspect.isclass(params) and issubclass(params, msgspec.Struct)):

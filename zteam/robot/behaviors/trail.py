@@ -11,7 +11,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Around, Escape, Head, MakingRoom, back_up, find_stopped
+from zteam.robot.behaviors.evasion import AGAIN, Around, Escape, Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,
@@ -133,8 +133,10 @@ SCRIBBLE = 2.0
 """So many times longer than the way straight from robot to robot a trail is given up."""
 BEYOND = 1.9
 """Metres past a lost head to which the robot drives that leads in its place."""
-NEARLY, PASSES_FOR = 0.1, to_ns(20.0)
-"""It is there within so many metres, and after so many nanoseconds: that way may end at a wall."""
+NEARLY = 0.1
+"""Metres to the end of that way within which it is past."""
+STALLED, PROGRESS = to_ns(3.0), 0.05
+"""It gives that way up where it has not got on so many metres in so many nanoseconds: a wall may stand at its end."""
 
 
 class Ahead:
@@ -189,8 +191,10 @@ class Trail:
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
-        self._passes_until = 0
-        """Nanoseconds: when it gives up to drive past a lost head."""
+        self._got_on: tuple[int, float] | None = None
+        """When (ns) and where on the trail it got on last on its way past a lost head; None: it is past."""
+        self._passed = 0
+        """When it was asked last to drive past one (ns)."""
 
     def rest(self) -> None:
         """It was stopped: that it did not get on does not count."""
@@ -295,12 +299,15 @@ class Trail:
             for along in (0.0, BEYOND):
                 x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
                 path.append(x, y)
-            self._passes_until = view.now + PASSES_FOR
-        if view.now > self._passes_until:
+            self._got_on = view.now, self._place
+        if self._got_on is None:
             return None
         self._find_place(view, own)
-        if path.end - self._place < NEARLY:
-            self._passes_until = 0
+        is_new, self._passed = view.now - self._passed > AGAIN, view.now
+        if is_new or self._place > self._got_on[1] + PROGRESS:
+            self._got_on = view.now, self._place
+        if path.end - self._place < NEARLY or view.now - self._got_on[0] > STALLED:
+            self._got_on = None
             return None
         return self._along(view, own, min(PASSING, limits.linear), limits, gone)
 
@@ -401,13 +408,12 @@ class LineMember(Behavior):
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
         self._trail.note(own)
-        if role.ahead is not None:
-            self._head.rest()
+        # What it does as the other one does not count: to lead, or to follow.
+        (self._trail if role.ahead is None else self._head).rest()
         return own
 
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
-        self._trail.rest()
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
@@ -421,8 +427,6 @@ class LineMember(Behavior):
         return Twist()
 
     def why_it_rests(self) -> str:
-        if zero := super().why_it_rests():
-            return zero
         if self._silent is not None:
             return waits_for(self._silent, "is silent")
         if self.follows is None:

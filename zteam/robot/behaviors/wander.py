@@ -39,7 +39,7 @@ class Forward(Behavior):
         return Twist(linear=Vector3(x=self.params.speed))
 
     def why_it_rests(self) -> str:
-        return super().why_it_rests() or "its base does not drive backwards"
+        return "its base does not drive backwards" if self.params.speed else "its parameter speed is 0"
 
 
 class AvoidParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,6 +66,9 @@ class Avoid(Behavior):
     def step(self, view: View) -> Twist:
         self.reason = self._obstruction(view)
         return Twist() if self.reason else Twist(linear=Vector3(x=self.params.speed))
+
+    def why_it_rests(self) -> str:
+        return "its parameter speed is 0"
 
     def _obstruction(self, view: View) -> str:
         if view.scan is None:
@@ -169,6 +172,7 @@ class Wander(LineMember):
         self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
         self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
+            super().on_release()
             return self._step_alone(view, view.scan)
         own = self._locate(view, role)
         if own is None:
@@ -177,6 +181,9 @@ class Wander(LineMember):
             return self._lead(view, own, role, self.params.speed, self.params.turn_rate)
         command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
         return command
+
+    def why_it_rests(self) -> str:
+        return super().why_it_rests() if self.params.speed or self.follows is not None else "its parameter speed is 0"
 
     def _step_alone(self, view: View, scan: LaserScan) -> Twist:
         if self._side:

@@ -172,8 +172,11 @@ class Trial:
             self.give_up("type", f"missing returned {lacks!r}, not a list of texts", self.place_of("missing"))
         worked = thread_time()
         self.began = began = monotonic()
-        wanted, reason = self.call("step", lambda: ask(behavior, view))
-        self.began, seconds = None, monotonic() - began
+        try:
+            wanted, reason = self.call("step", lambda: ask(behavior, view))
+        finally:
+            self.began = None
+        seconds = monotonic() - began
         self.slow_steps += thread_time() - worked > TICK or seconds > WAIT
         if self.slow_steps >= SLOW_STEPS:
             self.give_up("slow", f"{SLOW_STEPS} steps took longer than a tick of {TICK:g} s, the last {seconds:.2f} s")

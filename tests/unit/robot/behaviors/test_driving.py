@@ -111,10 +111,10 @@ def test_wander_stops_further_off_the_faster_it_is() -> None:
 
 
 def line_view(
-    walls: list[Segment], seconds: float, driver: str = "behavior", leader: int = -1, turns: int = -1
+    walls: list[Segment], seconds: float, driver: str = "behavior", leader: int = -1, turns: int = -1, x: float = 0.0
 ) -> View:
-    """What robot 0 at the origin sees, 0.8 m before robot 1 that says `leader` and `turns`."""
-    poses = {"robot_0/base_footprint": Pose2(0.0, 0.0, 0.0), "robot_1/base_footprint": Pose2(-0.8, 0.0, 0.0)}
+    """What robot 0 at `x` sees, 0.8 m before robot 1 that says `leader` and `turns`."""
+    poses = {"robot_0/base_footprint": Pose2(x, 0.0, 0.0), "robot_1/base_footprint": Pose2(x - 0.8, 0.0, 0.0)}
 
     def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
         at = poses.get(target, Pose2(0.0, 0.0, 0.0)).inverse()
@@ -161,3 +161,17 @@ def test_wander_with_a_line_behind_it_hands_over_where_it_is_shut_in(driver: str
     behavior.step(line_view(walls, 9.1, driver, leader=0, turns=max(turns, 0)))
     assert behavior.follows == (1 if turns == 1 else None)
     assert behavior.uses_tf is (turns == 1)
+
+
+@pytest.mark.parametrize("driver", ["teleop", "behavior"])
+def test_a_wander_that_led_nobody_for_long_leads_on(driver: str) -> None:
+    """Ten seconds in which teleop held it, or in which it had no pose, are no reason to hand over."""
+    behavior = load_behavior("wander", {})
+    for i in range(10, 140):
+        view = line_view(box(-20.0, -9.0, 20.0, 9.0), 0.1 * i, leader=0, turns=0, x=0.03 * min(i, 30))
+        if 30 <= i < 130:
+            statuses = {**view.inputs["statuses"], 0: RobotStatus(robot_id=0, behavior="wander", driver=driver)}
+            unseen = {"inputs": {"statuses": statuses}} if driver == "teleop" else {"lookup": lambda _a, _b: None}
+            view = structs.replace(view, **unseen)
+        command = behavior.step(view)
+    assert (command.linear.x, behavior.reason, behavior.turns) == (0.4, "", 0)

@@ -6,10 +6,11 @@ import msgspec
 import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
+from zteam import testing
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.messages import RobotStatus
+from zteam.messages import RobotStatus, Twist
 
 NOW = 100 * TICK
 
@@ -101,3 +102,64 @@ def test_the_chain_is_the_newest_that_is_told() -> None:
     behavior.params = msgspec.structs.replace(behavior.params, on_leader_lost="stop")
     behavior.on_params()
     assert reason(0, team) == "leader robot_1 is gone"
+
+
+def take_over(**params: float) -> Behavior:
+    """Robot 1, which has followed robot 0 for a tick, and stands in its place when that is gone."""
+    given = {"leader": 0, "on_leader_lost": "takeover", "takeover_behavior": "idle", **params}
+    behavior = load_behavior("follow", given, robot_id=1)
+    step_behind(behavior, 1.0)
+    return behavior
+
+
+def step_behind(
+    behavior: Behavior, now: float, own: float = 0.0, head: float | None = 0.8, *, gone: bool = False, turns: int = 0
+) -> Twist:
+    """One step of robot 1 at x = `own` at time `now` (s). Robot 0 is at `head`, and says that its line has turned."""
+    poses = {robot: (x, 0.0, 0.0) for robot, x in enumerate((head, own)) if x is not None}
+    told = {0: RobotStatus(robot_id=0, behavior="wander", leader=-1, turns=turns, driver="behavior")}
+    view = testing.make_view([9.0] * 91, fov=math.pi, robot_id=1, poses=poses, now=now, inputs={"statuses": told})
+    return behavior.step(msgspec.structs.replace(view, team=(1,)) if gone else view)
+
+
+@pytest.mark.parametrize(
+    ("max_linear", "stands", "stop_at", "end"),
+    [
+        (0.7, range(0), 0, 2.6),
+        (0.1, range(0), 0, 2.6),
+        (0.7, range(20, 45), 0, 2.6),
+        (0.7, range(20, 60), 100, 0.8),
+        (0.7, range(20, 60), 40, 2.6),
+    ],
+    ids=["fast", "slow", "held for 2.5 s", "held for longer, and stopped later", "held, and stopped meanwhile"],
+)
+def test_a_lost_head_is_passed_by_a_robot_that_gets_on(
+    max_linear: float, stands: range, stop_at: int, end: float
+) -> None:
+    """It gives that up after 3 s in which it has not moved; that it is slow or stopped is no reason."""
+    behavior, now, own = take_over(max_linear=max_linear), 1.0, 0.0
+    for tick in range(400):
+        now += 30.0 if tick == stop_at else 0.1
+        command = step_behind(behavior, now, own, gone=True)
+        own += 0.1 * command.linear.x * (tick not in stands)
+    assert command == Twist()
+    assert own == pytest.approx(end, abs=0.1)
+
+
+def test_a_robot_that_led_follows_a_head_that_is_back() -> None:
+    """That it stood in the place of that head is not being stuck."""
+    behavior = take_over()
+    for tick in range(90):
+        step_behind(behavior, 1.0 + 0.1 * tick, gone=True)
+    assert step_behind(behavior, 10.0, head=1.8).linear.x > 0.0
+    assert behavior.reason == ""
+
+
+@pytest.mark.parametrize("lost", [-0.8, None])
+def test_a_robot_that_leads_again_does_not_hand_over_at_once(lost: float | None) -> None:
+    """The time in which it stood in the place of a head that was gone does not count."""
+    behavior = take_over()
+    for tick in range(120):
+        gone = 20 <= tick < 110
+        command = step_behind(behavior, 1.0 + 0.1 * tick, head=lost if gone else -0.8, gone=gone, turns=1)
+    assert (command.linear.x, behavior.reason, behavior.turns) == (0.4, "", 1)

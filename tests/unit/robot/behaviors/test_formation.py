@@ -1,6 +1,7 @@
 """Keeping a place in a formation."""
 
 import math
+from typing import get_args
 
 import pytest
 
@@ -8,7 +9,7 @@ from support.flat_floor import drive
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.formation import SHAPES, assign, slots_of
+from zteam.robot.behaviors.formation import Shape, assign, slots_of
 from zteam.testing import make_view
 
 FREE = [30.0] * 91
@@ -66,7 +67,7 @@ class Squad:
         return max(table[row][column] for row, column in enumerate(assign(table)))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", get_args(Shape))
 def test_each_shape_is_formed(shape: str) -> None:
     """Behind a leader that drives straight on all are within 3 cm of the slots after 10 s, each in its own."""
     squad = Squad(shape=shape)

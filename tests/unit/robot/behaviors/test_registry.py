@@ -47,6 +47,8 @@ class Params(msgspec.Struct, rename="camel"):
     table: dict[str, int] = msgspec.field(default_factory=lambda: {"a": 1})
     far: float = math.inf
     other: Any = Anything()
+    sides: list[Side] = []
+    turns: list[Literal["l", "r"]] = []
 
 
 def test_each_field_is_described() -> None:
@@ -63,6 +65,8 @@ def test_each_field_is_described() -> None:
         Parameter("table", "dict[str, int]", default={"a": 1}),
         Parameter("far", "float", default=math.inf),
         Parameter("other", "Any", default="anything"),
+        Parameter("sides", "list['left' | 'right']", default=[]),
+        Parameter("turns", "list['l' | 'r']", default=[]),
     ]
     values = values_of(Params(leader=3, side=Side.RIGHT))
     assert list(values) == [each.name for each in parameters_of(Params)]
@@ -180,7 +184,9 @@ def test_a_users_class_is_found(folder: Path) -> None:
         ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
         ("my_robots.raising:Spin", "raising.py:1: RuntimeError: two lines"),
         ("ends:Robot", "ends.py:1: SystemExit: 3"),
-        ("my_robots.mine:Swim", "mine.py) has no Swim"),
+        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare, Mute, Blind, Odd, Deaf, Closed"),
+        ("my_robots.mine:Closeds", "mine.py) has no Closeds (did you mean Closed?)"),
+        ("my_robots.mine:Behaviour", "mine.py) has no Behaviour; it has Spin, "),
         ("my_robots.mine:Stranger", "is not a subclass"),
         ("my_robots.mine:Mute", "has no step: def step(self, view): return Twist("),
         ("my_robots.mine:Blind", "its step must take the view: def step(self, view)"),

@@ -2,6 +2,7 @@
 
 import math
 from itertools import combinations
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,6 @@ from zteam.geometry import Pose2
 from zteam.robot.behaviors.formation import (
     CLOSING,
     OPENING,
-    SHAPES,
     Shape,
     Slot,
     approach,
@@ -26,7 +26,7 @@ from zteam.robot.behaviors.formation import (
 from zteam.testing import make_view
 
 LEADER = Slot(0.0, 0.0)
-shapes = st.sampled_from(SHAPES)
+shapes = st.sampled_from(get_args(Shape))
 counts = st.integers(1, 12)
 spacings = st.floats(0.5, 5.0)
 

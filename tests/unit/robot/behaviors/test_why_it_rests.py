@@ -100,3 +100,21 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said
+
+
+def test_a_step_of_a_users_own_has_no_word_of_the_class_above() -> None:
+    """What a shipped behaviour says of its own step need not be true of a subclass's."""
+
+    class Own(BEHAVIORS["forward"]):  # type: ignore[misc]
+        def step(self, view: View) -> Twist:
+            return Twist()
+
+    assert Own(Own.Params(speed=0.0)).why_it_rests() == ""
+
+
+def test_a_wander_that_follows_does_not_say_its_own_speed() -> None:
+    """As the last of a line it drives at the speed of that line."""
+    behavior = load_behavior("wander", {"speed": 0.0})
+    assert behavior.why_it_rests() == "its parameter speed is 0"
+    behavior.follows = 3
+    assert behavior.why_it_rests() == "waits: robot_3 is 0.0 m away"

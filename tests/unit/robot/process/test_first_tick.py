@@ -18,10 +18,11 @@ from zteam.robot.process.node import RobotNode
 
 
 class Seen(Behavior):
-    """Notes the models of the bases that it sees, and which robots' statuses."""
+    """Notes the models of the bases that it sees, and whose bases and statuses."""
 
     models: ClassVar[list[str]]
     told: ClassVar[list[list[int]]]
+    bases: ClassVar[list[list[int]]]
     inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = {
         "statuses": (names.all_robots_key(names.STATUS), RobotStatus)
     }
@@ -30,6 +31,7 @@ class Seen(Behavior):
         """Stand."""
         self.models.append(view.base.model)
         self.told.append(sorted(view.inputs["statuses"]))
+        self.bases.append([*view.bases])
         return Twist()
 
 
@@ -44,6 +46,7 @@ def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Monk
     """Robot 0, which takes part in tick 2. That is open."""
     monkeypatch.setattr(Seen, "models", [], raising=False)
     monkeypatch.setattr(Seen, "told", [], raising=False)
+    monkeypatch.setattr(Seen, "bases", [], raising=False)
     put(hub, names.TF_STATIC, laser_on(0), latched=True)
     node = Node("robot_0", hub.bus(), Stop())
     made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
@@ -89,11 +92,13 @@ def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_ne
     hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
 ) -> None:
     """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
-    the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing.
+    the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing. The base of a robot
+    that is not in the tick's world does not count, whenever it comes.
     """
     heard: list[RobotStatus] = []
     hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
     put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put(hub, names.BASE_INFO, BaseInfo(), robot=7, latched=True)
     put(hub, names.STATUS, RobotStatus(robot_id=7), robot=7)
     told = []
     for tick, team in enumerate((["robot_0"], ["robot_0"], ["robot_0", "robot_1"], ["robot_0", "robot_1"]), 2):
@@ -103,6 +108,7 @@ def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_ne
         told.append(len(heard) > before)
     assert [7 in robots for robots in Seen.told] == [False, True, True, True]
     assert told == [True, False, True, False]
+    assert Seen.bases == [[0]] * 4
 
 
 def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
