@@ -232,10 +232,6 @@ class Documents:
         silent = received.get(names.TF) is None and received.get(names.TF_STATIC) is None
         return not (silent and (queries.alive(names.AGGREGATOR) or queries.loading))
 
-    def topics(self) -> bytes:
-        """`topics`: the keys, their types, rates and users."""
-        return msgspec.json.encode(self._state.queries.topics)
-
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
         """`log`: the number of the newest line of all processes, and the lines after `number`, in order of time: `time`
         is in seconds since the Unix epoch."""
@@ -318,7 +314,14 @@ class Documents:
 
     def markers(self) -> bytes:
         """`markers`: what other processes want to be drawn."""
-        self._take_markers()
+        keys = self._state.drawables.of("markers")
+        self._board.keep(keys)
+        for key in keys:
+            for event in self._since(key):
+                if (array := event.read(MarkerArray)) is not None:
+                    self._board.take(key, array.markers, event.time)
+                elif (marker := event.read(Marker)) is not None:
+                    self._board.take(key, [marker], event.time)
         pose_of = self._state.places.pose_of
         drawn = self._board.drawn(pose_of, monotonic())
         for arrival in self._state.received.newest():
@@ -345,16 +348,6 @@ class Documents:
             frame = message and self._state.places.pose_of(message.header.frame_id)
             if message and frame:
                 yield robot_id, message, frame
-
-    def _take_markers(self) -> None:
-        keys = self._state.drawables.of("markers")
-        self._board.keep(keys)
-        for key in keys:
-            for event in self._since(key):
-                if (array := event.read(MarkerArray)) is not None:
-                    self._board.take(key, array.markers, event.time)
-                elif (marker := event.read(Marker)) is not None:
-                    self._board.take(key, [marker], event.time)
 
     def _since(self, topic: str) -> Iterator[Arrival]:
         """The kept messages of a topic that were not read before."""

@@ -328,15 +328,12 @@ class WebServer:
             media_type = "application/json" if self._layout else None
             return Response(self._layout, 200 if self._layout else 204, media_type=media_type)
 
-        async def open_socket(socket: WebSocket) -> None:
-            await Page(socket, self).run()
-
         return Starlette(
             routes=[
                 Route("/", index, methods=["GET"]),
                 Route("/layout.json", first_layout, methods=["GET"]),
                 Mount("/page", PageFiles(directory=FOLDER)),
-                WebSocketRoute("/ws", open_socket),
+                WebSocketRoute("/ws", lambda socket: Page(socket, self).run()),
             ],
             middleware=[Middleware(GZipMiddleware)],
         )
