@@ -7,6 +7,7 @@ from typing import Any
 
 from zteam.cli.options import Parser, add_log_options, add_path_option, folders_of, run_tool
 from zteam.cli.tables import format_table, terminal_width
+from zteam.config.toml_values import toml_text
 from zteam.errors import UsageError
 from zteam.node.output import print_block, print_json
 from zteam.robot.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
@@ -85,10 +86,10 @@ def default_text(parameter: Parameter) -> str:
 
 def value_text(value: Any) -> str:
     """A value on one line, numbers without noise digits; `none` for None."""
-    from zteam.config.toml_values import toml_text
+    return f"{value:g}" if isinstance(value, float) else exact_text(value)
 
-    if isinstance(value, float):
-        return f"{value:g}"
+
+def exact_text(value: Any) -> str:
     return "none" if value is None else toml_text(value)
 
 

@@ -42,8 +42,6 @@ GAP = 0.8
 _LEAST_RADIUS, _CLEARANCE, _SPARE = 1.2, 0.3, 2.0
 """Metres: of a circuit, how much room is left on both sides, and from the head of the chain to its last robot, which
 drives ahead of it, at least."""
-_DRAWS = 2000
-"""How often the centre of a circuit is drawn."""
 _SEED = 1
 _TURN_TICKS = 20
 """Ticks after which a wandering robot chooses a new turn rate."""
@@ -236,7 +234,7 @@ def find_circuit(world: World, robots: int) -> tuple[Pose2, float]:
     radius = max(_LEAST_RADIUS, (GAP * (robots - 1) + _SPARE) / math.tau)
     turns = [i * 0.2 / radius for i in range(math.ceil(math.tau * radius / 0.2))]
     robot = add_robot(world, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
-    for draw in range(_DRAWS):
+    for draw in range(2000):
         centre = _draw_pose(world, _SEED, draw)
         places = (on_circle(centre, radius + side, t) for t in turns for side in (0.0, _CLEARANCE, -_CLEARANCE))
         if not any(find_hindrance(world, msgspec.structs.replace(robot, pose=place), {}) for place in places):

@@ -13,9 +13,6 @@ from zteam.config.numbers import counted
 from zteam.node.output import print_block, print_json, print_line
 from zteam.robot.behaviors.registry import find_behavior, look_in
 
-_WIDTH = 31
-"""Columns of a trial's name."""
-
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam check", description=__doc__)
@@ -41,7 +38,7 @@ def _check(args: argparse.Namespace) -> int:
             results.append(result)
             if not args.json:
                 verdict = "WRONG" if result.faults else "ok"
-                print_line(f"{result.name:{_WIDTH}}  {verdict:6}  {result.note}".rstrip(), file=out)
+                print_line(f"{result.name:31}  {verdict:6}  {result.note}".rstrip(), file=out)
     is_good = not any(result.faults for result in results)
     if args.json:
         print_json({"behavior": args.name, "good": is_good, "trials": results})

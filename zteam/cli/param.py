@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.behaviors import format_parameters
+from zteam.cli.behaviors import exact_text, format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
 from zteam.config.robot_ids import parse_robot_ids
@@ -105,7 +105,8 @@ def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
 
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
-    lines = [_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}" for name, value in found.items()]
+    texts = {name: exact_text(value) for name, value in found.items()}
+    lines = texts.values() if len(robots) == 1 else [f"{name}: {text}" for name, text in texts.items()]
     print_json(found) if args.json else print_line(*lines)
     lacking = []
     for name, reply in robots.items():
@@ -150,13 +151,7 @@ def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
 
 
 def _assignments(values: dict[str, Any]) -> list[str]:
-    return [f"{name} = {_exact(value)}" for name, value in values.items()]
-
-
-def _exact(value: Any) -> str:
-    from zteam.config.toml_values import toml_text
-
-    return "none" if value is None else toml_text(value)
+    return [f"{name} = {exact_text(value)}" for name, value in values.items()]
 
 
 main = partial(run_tool, build_parser, _answer, read=_read)

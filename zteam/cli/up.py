@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec import structs
+import msgspec
 
 from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
@@ -155,7 +155,7 @@ def _up(args: argparse.Namespace) -> int:
         from zteam.team.run.processes import lease_for, node_environment
 
         bus, launch = bus_options(args), _launch(args)
-        bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
+        bus = msgspec.structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
         become(launch, args.only, node_environment(bus))
     if args.in_process:
         return _run(_launch(args), bus_options(args), args, None)
@@ -191,7 +191,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None
     if args.view:
-        view = structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)
+        view = msgspec.structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch
@@ -289,8 +289,6 @@ def _conclude(
 ) -> int:
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, with
     the texts of those that hang, or if a robot moved on without commands."""
-    import msgspec
-
     from zteam.team.run.report import format_report, write_report
 
     has_end, chaos = team_run.launch.has_end, team_run.chaos
@@ -300,7 +298,7 @@ def _conclude(
         print_report(chaos)
     if stop.requested and has_end:
         # There is no report: a script must not take this for success.
-        return 130
+        return INTERRUPTED
     if report is not None and has_end:
         print_block(format_report(report))
         if file:

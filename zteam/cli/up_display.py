@@ -20,8 +20,6 @@ _TAB = "\t"
 _OWN_COLORS = re.compile(r"\033\[[0-9;]*m")
 """Of a child that colours its lines although its output is a pipe: they are left out."""
 _COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
-_BAR = 13
-"""Columns of the bar."""
 _LIVE_PERIOD = 0.5
 """Host seconds between two looks at the team for the live line."""
 _LOG_PERIOD = 10.0
@@ -66,9 +64,9 @@ def _after_go(seen: Overview, run_for: float | None) -> Iterator[str]:
     yield f"{seen.driving} of {counted(seen.robots, 'robot')} driving"
 
 
-def bar(share: float, width: int) -> str:
-    filled = int(min(1.0, share) * (width - 2))
-    return f"[{'#' * filled}{'-' * (width - 2 - filled)}]"
+def bar(share: float) -> str:
+    filled = int(min(1.0, share) * 11)
+    return f"[{'#' * filled}{'-' * (11 - filled)}]"
 
 
 class RunDisplay:
@@ -132,7 +130,7 @@ class RunDisplay:
         if self._live is None:
             log.info("%s", text)
         elif self._run_for and seen.elapsed is not None:
-            self._live.show(f"{bar(seen.elapsed / self._run_for, _BAR)} {text}")
+            self._live.show(f"{bar(seen.elapsed / self._run_for)} {text}")
         else:
             self._live.show(text)
 

@@ -23,7 +23,6 @@ log = logging.getLogger("zteam")
 
 _CANCEL_LIMIT = 1.0
 """Host seconds for all robots to give up their goals when the process ends."""
-_MAX_BYTES = 2 * 2**20
 _EXAMPLE = "{robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"
 _KEYS = ("robot", "x", "y", "yaw")
 
@@ -42,7 +41,7 @@ def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
     import yaml
 
-    data = read_file(path, "file of goals", _MAX_BYTES, ConfigError)
+    data = read_file(path, "file of goals", 2 * 2**20, ConfigError)
     try:
         # Not loaded, for YAML makes 8 of `010` and 90 of `1:30`.
         root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)

@@ -139,8 +139,6 @@ ROOM = 0.3
 """Metres around a goal that have to be free."""
 POSITION_VARIANCE, YAW_VARIANCE = 0.25, (math.pi / 12) ** 2
 """m² and rad² of an initial pose, as RViz sends them."""
-CANCELS = 16
-"""Robots that are asked at the same time to give up their goals."""
 
 
 class Commands:
@@ -214,8 +212,8 @@ class Commands:
         # A list may have sent a goal that the page has not seen.
         others = pause_lists(self._state.node.bus, paused=True) if request.pauses else []
         robots = [*dict.fromkeys((*request.robots, *others))]
-        # All at once: each robot that hangs takes its time to say nothing.
-        with ThreadPoolExecutor(CANCELS, "cancel") as threads:
+        # Many at once: each robot that hangs takes its time to say nothing.
+        with ThreadPoolExecutor(16, "cancel") as threads:
             answers = zip(robots, threads.map(self._cancel_goal, robots), strict=True)
             problems = [problem for robot_id, problem in answers if problem and robot_id in request.robots]
         if problems:

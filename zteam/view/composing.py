@@ -113,10 +113,10 @@ class Composer:
             yield frames.encode_doc("team", team)
         layers, docs, make, robot_id = viewer.layers, viewer.look.docs, self._documents, viewer.inspected
         # What has not come yet is not sent as an empty list: the page tells the two apart.
-        has_frames, has_topics = make.knows_frames, self._state.queries.topics is not None
+        has_frames, topics = make.knows_frames, self._state.queries.topics
         rows: list[tuple[str, bool, float, Callable[[], bytes]]] = [
             ("tf", has_frames and ("tf" in layers or "tf" in docs), FAST if "tf" in layers else SLOW, make.transforms),
-            ("topics", has_topics and "topics" in docs, SLOW, make.topics),
+            ("topics", topics is not None and "topics" in docs, SLOW, lambda: msgspec.json.encode(topics)),
             ("inspect", robot_id is not None, OFTEN, partial(make.inspect, robot_id or 0)),
             ("doctor", "doctor" in docs, FAST, lambda: self._state.diagnosis.document),
             *((name, name in layers, FAST, drawn) for name, drawn in make.drawn.items()),
@@ -128,12 +128,9 @@ class Composer:
                 if viewer.lacks((name, "sent"), zlib.crc32(document)):
                     yield frames.encode_doc(name, document)
         if "log" in docs:
-            yield from self._log(viewer)
-
-    def _log(self, viewer: Viewer) -> Iterator[bytes]:
-        viewer.log_number, lines = self._documents.log(viewer.log_number)
-        if lines or (self._state.queries.kept_log is not None and viewer.lacks("log", "begun")):
-            yield frames.encode_doc("log", msgspec.json.encode(lines[-LINES:]))
+            viewer.log_number, lines = make.log(viewer.log_number)
+            if lines or (self._state.queries.kept_log is not None and viewer.lacks("log", "begun")):
+                yield frames.encode_doc("log", msgspec.json.encode(lines[-LINES:]))
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         offset = to_seconds(self._state.places.stamp) - now

@@ -40,10 +40,6 @@ from zteam.view.team_view import TeamView
 KEPT = 1000
 
 
-PoseOf = Callable[[str], Pose2 | None]
-"""The pose of a frame in `map`."""
-
-
 def sonar_of(robot_id: int, reading: Range, frame: Pose2) -> dict[str, Any]:
     """A reading of a sensor whose pose in `map` is `frame`; its range is None without a return."""
     hit = reading.min_range <= reading.range < reading.max_range
@@ -65,7 +61,6 @@ def fiducials_of(robot_id: int, message: Fiducials, frame: Pose2) -> Iterator[di
 MAX_MARKERS = 2000
 MAX_POINTS = 5000
 """Of one marker."""
-_POLYGON = (0.2, 0.7, 0.3, 1.0)
 
 
 class MarkerBoard:
@@ -90,7 +85,8 @@ class MarkerBoard:
         kept = set(keys)
         self._markers = {place: marker for place, marker in self._markers.items() if place[0] in kept}
 
-    def drawn(self, pose_of: PoseOf, now: float) -> list[dict[str, Any]]:
+    def drawn(self, pose_of: Callable[[str], Pose2 | None], now: float) -> list[dict[str, Any]]:
+        """Those that are shown now; `pose_of` tells the pose of a frame in `map`."""
         self._markers = {place: marker for place, marker in self._markers.items() if now < marker[1]}
         return [
             drawn_marker(key, marker, frame)
@@ -115,7 +111,7 @@ def drawn_polygon(key: str, polygon: PolygonStamped, frame: Pose2) -> dict[str, 
     points = [(point.x, point.y) for point in polygon.polygon.points[:MAX_POINTS]]
     return {
         "ns": key, "id": 0, "type": MarkerType.LINE_STRIP, **frame._asdict(),
-        "scale": (0.02, 0.0, 0.0), "color": _POLYGON, "points": [*points, *points[:1]], "text": "",
+        "scale": (0.02, 0.0, 0.0), "color": (0.2, 0.7, 0.3, 1.0), "points": [*points, *points[:1]], "text": "",
     }  # fmt: skip
 
 
@@ -132,10 +128,6 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_rounded(item) for item in value]
     return value
-
-
-SENT = "sent"
-"""Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""
 
 
 def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
@@ -158,7 +150,8 @@ def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, 
     its robot does not get on, or has given up."""
     row = {
         "robot": robot_id, **frame.compose(pose2_of(goal.pose))._asdict(), "stamp": ns_from_time(goal.header.stamp),
-        "state": SENT, "distance": None, "seconds": None, "recoveries": 0, "text": "",
+        # Its robot has said nothing of it yet; all other states are those of `NavigationState`, in lower case.
+        "state": "sent", "distance": None, "seconds": None, "recoveries": 0, "text": "",
     }  # fmt: skip
     if status is not None:
         row["state"] = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
@@ -231,10 +224,6 @@ class Documents:
         received, queries = self._state.received, self._state.queries
         silent = received.get(names.TF) is None and received.get(names.TF_STATIC) is None
         return not (silent and (queries.alive(names.AGGREGATOR) or queries.loading))
-
-    def topics(self) -> bytes:
-        """`topics`: the keys, their types, rates and users."""
-        return msgspec.json.encode(self._state.queries.topics)
 
     def log(self, number: int) -> tuple[int, list[dict[str, Any]]]:
         """`log`: the number of the newest line of all processes, and the lines after `number`, in order of time: `time`
@@ -318,7 +307,14 @@ class Documents:
 
     def markers(self) -> bytes:
         """`markers`: what other processes want to be drawn."""
-        self._take_markers()
+        keys = self._state.drawables.of("markers")
+        self._board.keep(keys)
+        for key in keys:
+            for event in self._since(key):
+                if (array := event.read(MarkerArray)) is not None:
+                    self._board.take(key, array.markers, event.time)
+                elif (marker := event.read(Marker)) is not None:
+                    self._board.take(key, [marker], event.time)
         pose_of = self._state.places.pose_of
         drawn = self._board.drawn(pose_of, monotonic())
         for arrival in self._state.received.newest():
@@ -345,16 +341,6 @@ class Documents:
             frame = message and self._state.places.pose_of(message.header.frame_id)
             if message and frame:
                 yield robot_id, message, frame
-
-    def _take_markers(self) -> None:
-        keys = self._state.drawables.of("markers")
-        self._board.keep(keys)
-        for key in keys:
-            for event in self._since(key):
-                if (array := event.read(MarkerArray)) is not None:
-                    self._board.take(key, array.markers, event.time)
-                elif (marker := event.read(Marker)) is not None:
-                    self._board.take(key, [marker], event.time)
 
     def _since(self, topic: str) -> Iterator[Arrival]:
         """The kept messages of a topic that were not read before."""

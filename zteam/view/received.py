@@ -4,7 +4,6 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import partial
 from typing import NamedTuple, TypeVar
 
 import msgspec
@@ -188,11 +187,10 @@ class Subscriptions:
                     self._open[topic] = None
 
     def _subscribe(self, topic: Topic) -> Closeable:
-        received = self._received
-        receive: Callable[..., None] = partial(received.take, topic=topic.key) if topic.every else received.take
+        take, kept = self._received.take, topic.key if topic.every else ""
 
         def on_sample(sample: RawSample) -> None:
-            receive(sample.key, sample.content, sample.encoding)
+            take(sample.key, sample.content, sample.encoding, topic=kept)
 
         # With a type without time and source: at the rate of lock-step those are most of the cost of a view.
         only = None if topic.latched else topic.kind

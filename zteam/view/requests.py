@@ -16,11 +16,9 @@ Layer = Literal[
     "costs",
 ]  # fmt: skip
 Doc = Literal["tf", "topics", "log", "inspect", "doctor"]
-MAX_BEAMS = 4096
 MAX_WATCHES = 64
 """Topics and fields that one page watches."""
 
-Seq = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Text = Annotated[str, msgspec.Meta(max_length=256)]
 Robots = Annotated[list[RobotId], msgspec.Meta(max_length=1024)]
 Speed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
@@ -58,7 +56,7 @@ class Look(Request, frozen=True):
     viewport: Annotated[list[Place], msgspec.Meta(max_length=4)] = []
     """x and y of the lowest, then of the highest corner, in `map`; empty: everything."""
     layers: Annotated[list[Layer], msgspec.Meta(max_length=32)] = []
-    beams: Annotated[int, msgspec.Meta(ge=1, le=MAX_BEAMS)] = 360
+    beams: Annotated[int, msgspec.Meta(ge=1, le=4096)] = 360
     selected: Robots = []
     follow: Annotated[int, msgspec.Meta(ge=-1, le=2**31)] = -1
     docs: Annotated[list[Doc], msgspec.Meta(max_length=32)] = []
@@ -94,7 +92,7 @@ class Drive(Request, frozen=True):
 class Command(Request, frozen=True):
     """Needs the token, unless it is `stop_robots`, and is answered under its number."""
 
-    seq: Seq
+    seq: Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
 class OfRobot(Command, frozen=True):

@@ -228,8 +228,6 @@ BACKLOG = 64
 MOST_CONNECTIONS = 256
 MAX_HEAD = 1 << 14
 """Bytes of a request's line and headers."""
-THREADS = 32
-"""For commands."""
 
 
 class WebServer:
@@ -276,7 +274,7 @@ class WebServer:
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
         self._loop = asyncio.get_running_loop()
-        self._loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
+        self._loop.set_default_executor(ThreadPoolExecutor(32, "command"))
         self._loop.set_exception_handler(self.connections.on_loop_error)
         self.driving = Driving(self.state.node.bus)
         self.state.lease_of, self.state.on_news = self.driving.holder, self._on_news
@@ -328,15 +326,12 @@ class WebServer:
             media_type = "application/json" if self._layout else None
             return Response(self._layout, 200 if self._layout else 204, media_type=media_type)
 
-        async def open_socket(socket: WebSocket) -> None:
-            await Page(socket, self).run()
-
         return Starlette(
             routes=[
                 Route("/", index, methods=["GET"]),
                 Route("/layout.json", first_layout, methods=["GET"]),
                 Mount("/page", PageFiles(directory=FOLDER)),
-                WebSocketRoute("/ws", open_socket),
+                WebSocketRoute("/ws", lambda socket: Page(socket, self).run()),
             ],
             middleware=[Middleware(GZipMiddleware)],
         )

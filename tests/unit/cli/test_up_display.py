@@ -70,7 +70,7 @@ def test_durations_and_bars() -> None:
     """A duration has no more than two units; a bar is never longer than its width."""
     durations = {0.4: "0 s", 59.4: "59 s", 60.0: "1 min 00 s", 3599.7: "1 h 00 min", 7512: "2 h 05 min"}
     assert {seconds: duration_text(seconds) for seconds in durations} == durations
-    assert [bar(share, 13) for share in (0.0, 0.5, 2.0)] == ["[-----------]", "[#####------]", "[###########]"]
+    assert [bar(share) for share in (0.0, 0.5, 2.0)] == ["[-----------]", "[#####------]", "[###########]"]
 
 
 class Terminal(io.StringIO):

@@ -143,7 +143,7 @@ class Amcl:
         """
         self._begin(self._anywhere(self.options.max_particles, _SPREAD, self._spreads))
         self._search = GlobalSearch(self._grid, self.options.laser_max_range)
-        self._estimate()
+        self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     @property
     def is_lost(self) -> bool:
@@ -194,7 +194,7 @@ class Amcl:
             self._resample()
             fitting, share = likelihood.match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
-        self._estimate()
+        self.pose, self.covariance = estimate_pose(self._poses, self._weights)
         self._pose_of_odom = self.pose.compose(odom.inverse())
         return True
 
@@ -255,9 +255,6 @@ class Amcl:
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
         if share:
             self._slow = self._fast = 0.0
-
-    def _estimate(self) -> None:
-        self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     def _anywhere(self, count: int, purpose: int, counter: int) -> Floats:
         """Poses all over the free cells: (count, 3). Raises ValueError for a map without any."""

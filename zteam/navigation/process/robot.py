@@ -5,7 +5,7 @@ from collections.abc import Collection
 
 from zteam import names
 from zteam.geometry import Pose2, Velocity
-from zteam.messages import PoseStamped, PoseWithCovarianceStamped
+from zteam.messages import PoseStamped
 from zteam.messages.planar import is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
@@ -89,11 +89,16 @@ class RobotNavigation:
         message = self.inputs.newest.pop(names.INITIAL_POSE, None)
         if message is None:
             return
-        pose = _read_initial_pose(message)
-        if isinstance(pose, Pose2):
-            pose = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
-        if pose:
-            log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), pose)
+        frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+        pose = planar(message.pose.pose)
+        if frame != names.MAP_FRAME:
+            problem = f"its frame is {frame!r}, not {names.MAP_FRAME!r}"
+        elif pose is None:
+            problem = "it is not finite, too far away, or its orientation is no rotation"
+        else:
+            problem = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
+        if problem:
+            log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), problem)
 
     def _take_goal(self) -> None:
         message = self.inputs.newest.pop(names.GOAL_POSE, None)
@@ -171,11 +176,3 @@ def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
     if pose is None:
         return "the goal is not finite, too far away, or its orientation is no rotation"
     return place[0].compose(pose)
-
-
-def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
-    """The pose of the base in `map`, or why it is none."""
-    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
-    if frame != names.MAP_FRAME:
-        return f"its frame is {frame!r}, not {names.MAP_FRAME!r}"
-    return planar(message.pose.pose) or "it is not finite, too far away, or its orientation is no rotation"

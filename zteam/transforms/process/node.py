@@ -106,29 +106,23 @@ class Aggregator:
             return
         # Frames of other processes say nothing of the tick: their stamps may be of the past or of the future.
         robot_id, stamp = target[0], base_stamp(target[0], message)
-        if self._part.tick is not None:
-            self._take_in_lockstep(robot_id, message, stamp)
-        else:
-            self._take(robot_id, message, stamp)
-
-    def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""
+        part, bundle = self._part, self._bundle
+        if part.tick is not None:
+            if stamp <= part.stamp + MAX_APART:
+                bundle.take_in_lockstep(robot_id, stamp, part.stamp)
+            self._merge(robot_id, message, bundle.begun(part.stamp))
+            if (leaves := bundle.leaves(part.robots)) is not None:
+                self._flush(leaves)
+            return
+        # Real time: into the bundle of their tick, or those without a base into any.
         self._node.first_data = self._node.first_data or monotonic()
-        if self._rate is None and self._bundle.ends_with(stamp):
+        if self._rate is None and bundle.ends_with(stamp):
             # Transforms of the tick before must not wait any longer.
             self._flush_late()
         self._merge(robot_id, message)
-        is_whole = self._bundle.take(robot_id, stamp, monotonic()) if stamp >= 0 else not self._bundle.is_open
+        is_whole = bundle.take(robot_id, stamp, monotonic()) if stamp >= 0 else not bundle.is_open
         if self._rate is None and is_whole:
             self._flush()
-
-    def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        part, bundle = self._part, self._bundle
-        if stamp <= part.stamp + MAX_APART:
-            bundle.take_in_lockstep(robot_id, stamp, part.stamp)
-        self._merge(robot_id, message, bundle.begun(part.stamp))
-        if (leaves := bundle.leaves(part.robots)) is not None:
-            self._flush(leaves)
 
     def _lacks(self, tick: Tick) -> list[str]:
         is_whole = self._bundle.has_all(self._part.robots, self._part.stamp)
