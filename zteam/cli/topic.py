@@ -21,6 +21,7 @@ from zteam.cli.listening import (
     Waiter,
     add_timeout,
     check_key,
+    limit_of,
     open_bus,
     silence,
     wait_for_message,
@@ -173,8 +174,9 @@ def _echo(args: argparse.Namespace) -> None:
         bus.subscribe_raw(key, on_sample, latched=True)
         wait_for_message(bus, waiter, lambda: bool(queue), args, key)
         while not (_print_sample(queue.popleft(), given, args) and args.once):
-            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
-                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
+            limit, _ = limit_of(args)
+            if not waiter.wait(lambda: bool(queue), limit, f"a message on {key}"):
+                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
