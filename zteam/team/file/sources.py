@@ -213,7 +213,7 @@ class Files:
         if above:
             _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
-        for found in [*self._included(own, (*above, path))]:
+        for found in self._included(own, (*above, path)):
             merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
         return merge(merged, own, lists=LISTS)
 
