@@ -43,7 +43,9 @@ def _read(args: argparse.Namespace) -> None:
         raise UsageError(f"{args.fault}: say {', '.join(KINDS)} and a process, as in 'zteam chaos pause robot_1'")
     if args.fault != "slow" and (args.delay is not None or args.rate is not None):
         raise UsageError("--delay and --rate belong to slow")
-    check_together(args, {"--random": ("--for",), "--print": ("--random",)}, {"--plan": ("--for",)})
+    if args.plan is not None and args.seconds is not None:
+        raise UsageError("--plan: the plan says how long each fault lasts: leave --for out")
+    check_together(args, {"--random": ("--for",), "--print": ("--random",)}, {})
 
 
 def _work(args: argparse.Namespace) -> int:

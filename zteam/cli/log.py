@@ -94,7 +94,10 @@ def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
     if unknown := [pattern for pattern in silent if not is_wildcard(pattern) and pattern not in alive]:
         living = f"alive: {', '.join(alive)}" if alive else "none is alive (start a team with 'zteam up')"
         raise ZteamError(f"no process {', '.join(unknown)}; {living}")
-    return bool(answered) or any(_matches(pattern, name) for pattern in silent for name in alive)
+    quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]
+    for name in quiet:
+        print_line(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
+    return bool(answered or quiet)
 
 
 def _matches(pattern: str, name: str) -> bool:

@@ -10,7 +10,7 @@ from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.maps import map_grid, to_three_values, write_map
 from zteam.node.output import print_line
@@ -53,7 +53,10 @@ def _save(args: argparse.Namespace) -> None:
 
     with open_bus(args) as bus:
         bus.subscribe(key, OccupancyGrid, on_map, latched=True)
-        wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
+        try:
+            wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
+        except ZteamError as error:
+            raise ZteamError(f"{error}; start zteam-sim WORLD or zteam-map MAP.yaml") from None
     grid = map_grid(found[-1])
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)

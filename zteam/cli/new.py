@@ -80,7 +80,9 @@ def _fill(template: str, words: dict[str, str]) -> str:
 def _check_name(word: str, name: str, kind: str, example: str) -> None:
     """Raise UsageError unless files and example can have this name."""
     if not name.isidentifier() or keyword.iskeyword(name):
-        raise UsageError(f"{name!r} cannot be the name of a Python module")
+        near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
+        hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
+        raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
     if _is_taken(name):
         raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
     if word == "node" and (problem := names.name_problem(name)):

@@ -11,7 +11,7 @@ import msgspec
 
 from zteam import names
 from zteam.cli.behaviors import exact_text, format_parameters
-from zteam.cli.listening import open_bus
+from zteam.cli.listening import check_key, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -74,15 +74,20 @@ def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
 
 def find_robots(client: ParametersClient, text: str) -> Robots:
     """The robots that a user names, in the order of their ids, and their parameters. Raises UsageError, BusError."""
-    pattern, found = names.strip_slash(text).replace("$*", "*"), client.describe_all()
+    pattern = names.strip_slash(text).replace("$*", "*")
     if pattern[:1].isdigit():
         wanted = [names.robot_name(robot_id) for robot_id in parse_robot_ids([pattern], "NAME")]
+    elif "*" not in pattern:
+        wanted = [check_key(text)]
     else:
-        wanted = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order) or [text]
-    if lacking := [name for name in wanted if name not in found]:
-        there = ", ".join(sorted(found, key=_order)) or "none: start a team with 'zteam up'"
-        raise BusError(f"no process {lacking[0]} with parameters; there is {there}")
-    return {name: found[name] for name in wanted}
+        found = client.describe_all()
+        wanted = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
+        if not wanted:
+            there = ", ".join(sorted(found, key=_order)) or "none: start a team with 'zteam up'"
+            raise BusError(f"no process {text} with parameters; there is {there}")
+        return {name: found[name] for name in wanted}
+    # The others may not answer.
+    return {name: client.describe(name) for name in wanted}
 
 
 def _order(name: str) -> tuple[int, str]:

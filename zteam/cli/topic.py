@@ -21,6 +21,7 @@ from zteam.cli.listening import (
     Waiter,
     add_timeout,
     check_key,
+    limit_of,
     open_bus,
     silence,
     wait_for_message,
@@ -173,8 +174,9 @@ def _echo(args: argparse.Namespace) -> None:
         bus.subscribe_raw(key, on_sample, latched=True)
         wait_for_message(bus, waiter, lambda: bool(queue), args, key)
         while not (_print_sample(queue.popleft(), given, args) and args.once):
-            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
-                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
+            limit, _ = limit_of(args)
+            if not waiter.wait(lambda: bool(queue), limit, f"a message on {key}"):
+                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
@@ -195,31 +197,32 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 
 def _hz(args: argparse.Namespace) -> None:
     key, waiter = check_key(args.key), Waiter()
-    times, newest = deque[float](maxlen=_WINDOW), 0.0
+    times, received, shown = deque[float](maxlen=_WINDOW), 0, 0
     with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def on_sample(_sample: RawSample) -> None:
+            nonlocal received
             now = to_seconds(clock.now()) if clock.simulated else monotonic()
             if times and now < times[-1]:
                 # The simulator was reset: drop the stamps from before.
                 times.clear()
             times.append(now)
+            received += 1
             waiter.notify()
 
         bus.subscribe_raw(key, on_sample)
         wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
 
         def has_news() -> bool:
-            return len(times) > 1 and times[-1] != newest
+            return len(times) > 1 and received > shown
 
         while True:
             pause(1.0)
             waiter.wait(has_news, None, f"messages on {key}")
-            stamps = list(times)
+            shown, stamps = received, list(times)
             if len(stamps) < 2:
                 continue
-            newest = stamps[-1]
             print_block(_format_rate(stamps, clock.simulated, args.json))
             if args.once:
                 return

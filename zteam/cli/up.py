@@ -115,6 +115,12 @@ def build_parser() -> Parser:
 
 
 def _check_options(args: argparse.Namespace) -> None:
+    if "=" in args.team and not Path(args.team).exists():
+        raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
+    if args.arguments:
+        from zteam.team.file.sources import parse_arguments
+
+        parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
     check_together(args, _NEEDS, _EXCLUDES)

@@ -132,6 +132,9 @@ def read_floor_map(path: Path) -> FloorMap:
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
     fields = read_yaml(path, "map", MAX_BYTES, WorldError)
+    if isinstance(fields, dict):
+        # YAML 1.1 reads `on` and 1 as other keys than texts.
+        fields = {key: value for key, value in fields.items() if isinstance(key, str)}
     # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
     for problem in problems_of(fields, MapFile, strict=False):
         raise WorldError(f"{path}: {problem}")
@@ -144,7 +147,7 @@ def read_map_file(path: Path) -> MapFile:
 def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
     """Cells (rows, columns) of a picture (rows, columns, channels), 0 to 255, as `file` says; its last row first."""
     has_alpha, alpha = pixels.shape[2] in (2, 4), pixels[::-1, :, -1]
-    shade = (pixels[::-1, :, :-1] if has_alpha else pixels[::-1]).mean(axis=2, dtype=np.float32)
+    shade = (pixels[::-1, :, :-1] if has_alpha else pixels[::-1]).mean(axis=2)
     if file.mode == "raw":
         percent = np.rint(shade)
         return np.where(percent <= OCCUPIED, percent, UNKNOWN).astype(np.int8)

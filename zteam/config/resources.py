@@ -33,30 +33,36 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
-def find_world(text: str | Path) -> Path:
-    """The world file that a user names: a path, else a shipped world. Raises UsageError with the shipped names."""
+def find_world(text: str | Path, folder: Path = Path()) -> Path:
+    """The world file that a user names: a path from `folder`, else a shipped world.
+
+    Raises UsageError with the shipped names.
+    """
     text = str(text)
-    found = existing_file(Path(text)) or shipped_world(text)
+    found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
         raise UsageError(f"world {text!r}: that is a team; say 'zteam up {text}'")
-    return found or _refuse(text, "world", worlds_folder(), ".world")
+    return found or _refuse(folder / text, text, "world", worlds_folder(), ".world")
 
 
-def find_team(text: str | Path) -> Path:
-    """The team file that a user names: a path, else a shipped team. Raises UsageError with the shipped names."""
+def find_team(text: str | Path, folder: Path = Path()) -> Path:
+    """The team file that a user names: a path from `folder`, else a shipped team.
+
+    Raises UsageError with the shipped names.
+    """
     text = str(text)
-    found = existing_file(Path(text)) or shipped_team(text)
+    found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
-    return found or _refuse(text, "team", teams_folder(), ".toml")
+    return found or _refuse(folder / text, text, "team", teams_folder(), ".toml")
 
 
-def _refuse(text: str, what: str, folder: Path, suffix: str) -> NoReturn:
-    if text and is_folder(Path(text)):
+def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoReturn:
+    if text and is_folder(path):
         raise UsageError(f"{what} {text!r}: that is a folder; name the {what} file in it (*{suffix})")
     why = "no such file"
     try:
-        Path(text).stat()
+        path.stat()
     except (OSError, ValueError) as error:
         # Also a circle of symbolic links, a folder that may not be read, and a NUL.
         why = getattr(error, "strerror", None) or str(error)

@@ -73,4 +73,4 @@ def test_an_unknown_name_is_answered_with_the_living_ones(tools: MemoryHub, run:
     for name in ("sim", "robot_1"):
         open_named(tools, name)
     assert run("zteam log robto_1 sim x 'y*' --once", 1).err == told.format("alive: robot_1, sim")
-    run("zteam log sim 'y*' --once")
+    assert run("zteam log sim 'y*' --once").err == "sim does not answer: only its new lines are shown\n"

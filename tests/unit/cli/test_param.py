@@ -7,11 +7,12 @@ import pytest
 
 from support.commands import Run
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
 from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import BEHAVIORS
+from zteam.robot.client import DESCRIBE
 from zteam.robot.process.node import RobotNode
 from zteam.team.file.entries import behavior_of
 from zteam.team.file.reading import load_team
@@ -74,11 +75,22 @@ def test_set_changes_values(run: Run) -> None:
     assert line.startswith("zteam param: robot_10: behaviour follow: speed: unknown key; follow takes leader, ")
 
 
+def test_only_the_named_robots_are_asked(run: Run, tools: MemoryHub) -> None:
+    """Another one, which may be frozen, gets no query; for a pattern all are asked."""
+    asked = list[NoRequest]()
+    tools.bus().serve(names.service_key("robot_1", DESCRIBE), NoRequest, asked.append)
+    for words in ("get robot_0 speed", "set 0,2 speed 0.1", "list 2"):
+        run(f"zteam param {words}")
+    assert not asked
+    run("zteam param list")
+    assert asked
+
+
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
         ("set 0 speed -1", 2, "robot_0: behaviour wander: speed: a number of at least 0 is expected"),
-        ("set 0-2 speed 1", 1, "no process robot_1 with parameters; there is robot_0, robot_2, robot_10"),
+        ("set 0-2 speed 1", 1, "no process robot_1 with parameters: 'zteam param list' shows those that there are"),
         ("get 0 sped", 2, "robot_0: no parameter 'sped' (did you mean speed?); wander takes speed, "),
         ("list x*", 1, "no process x* with parameters; there is robot_0, robot_2, robot_10"),
         ("dump *", 2, "dump *: name one robot"),

@@ -126,11 +126,24 @@ def test_one_message_needs_no_clock(tools: MemoryHub, run: Run, monkeypatch: pyt
     run(f"{PUB} --once")
 
 
-@pytest.mark.parametrize(("words", "simulated"), [("", False), ("--clock sim", True)])
+RESET = (50, 51, 52, 1, 2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    ("words", "ticks", "clock", "rate"),
+    [("", RESET, "wall", None), ("--clock sim", RESET, "sim", 10.0), ("--clock sim", (50, 0, 0, 0, 0), "sim", 0.0)],
+)
 def test_hz_names_its_clock(
-    words: str, simulated: bool, hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: str,
+    ticks: tuple[int, ...],
+    clock: str,
+    rate: float | None,
+    hub: MemoryHub,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """`zteam topic hz` measures in the host's time by default; in simulated time its rate is exact."""
+    """`zteam topic hz` measures in the host's time by default; in simulated time its rate is exact, and messages of a
+    paused simulator are messages."""
     simulator, sender, subscribed = Simulator(hub, 5.0), hub.bus().publisher("flag", Bool), threading.Event()
 
     class SignallingBus(Bus):
@@ -146,11 +159,11 @@ def test_hz_names_its_clock(
     thread.start()
     assert subscribed.wait(LIMIT)
     # The simulator is reset on the way: earlier stamps do not count.
-    for tick in (50, 51, 52, 1, 2, 3, 4):
+    for tick in ticks:
         simulator.go_to(tick / 10)
         sender.put(Bool(True))
     thread.join(LIMIT)
     measured = json.loads(capsys.readouterr().out)
-    assert measured["clock"] == ("sim" if simulated else "wall")
-    if simulated:
-        assert (measured["rate"], measured["window"]) == (pytest.approx(10.0), 4)
+    assert measured["clock"] == clock
+    if rate is not None:
+        assert (measured["rate"], measured["window"]) == (pytest.approx(rate), 4)

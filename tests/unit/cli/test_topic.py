@@ -123,6 +123,17 @@ def test_a_script_waits_for_one_message_for_a_time(
     assert run(f"zteam topic {verb} robot_0/odom --once", 1).err == line
 
 
+def test_a_message_that_cannot_be_decoded_is_not_the_one(
+    tools: MemoryHub, monkeypatch: pytest.MonkeyPatch, run: Run
+) -> None:
+    """`--once` waits for another one, for as long as for the first."""
+    monkeypatch.setattr(listening, "ONCE_LIMIT", 0.05)
+    MemoryTransport(tools).declare_publisher("robot_0/odom", encoding_of(Odometry), True).put(b"xx")
+    first, second = run("zteam topic echo robot_0/odom --once", 1).err.splitlines()
+    assert first.startswith("robot_0/odom: undecodable: ")
+    assert second.startswith("zteam topic: no message on robot_0/odom within 0.05 s: ")
+
+
 def test_the_rate_of_a_survey_is_that_between_messages() -> None:
     """A survey that ends between two messages shows the rate of the messages, not one of its own length."""
     assert [rate_of([5.0, 5.25, 5.5], 1000.0), rate_of([5.0], 2.0), rate_of([], 2.0)] == [4.0, 0.5, 0.0]

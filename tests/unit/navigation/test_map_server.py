@@ -126,7 +126,9 @@ def test_thresholds_decide_what_is_free_and_occupied(served: None, save: Save, t
 def test_no_map_is_an_error_with_a_way_out(save: Save, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """After --timeout it says that nothing publishes one, and where to look."""
     assert save(tmp_path / "saved", "--timeout", "0.05") == 1
-    assert "no map on map within 0.05 s: nothing publishes map: no key has" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "no map on map within 0.05 s: nothing publishes map: no key has" in told
+    assert told.endswith("; start zteam-sim WORLD or zteam-map MAP.yaml\n")
     assert not list(tmp_path.iterdir())
 
 

@@ -99,13 +99,18 @@ class Expansion:
         robot, place = merge(base, given, depth=1), table.place.below(id_key)
         if "id" in robot:
             robot.put("id", robot["id"], place)
-        if robot.get("follow") == PREVIOUS:
+        follow, wrong = robot.get("follow"), ""
+        if follow == PREVIOUS:
             robot["follow"] = self._previous
-            if self._previous == -1:
-                self._tell(table, "follow", "there is no robot before the first one; let it lead")
-                del robot["follow"]
+            wrong = "there is no robot before the first one; let it lead" if self._previous == -1 else ""
+        elif isinstance(follow, str):
+            wrong = f'a robot id or "{PREVIOUS}" is expected'
+        if wrong:
+            self.mistakes.append(Mistake(robot.place_of("follow"), wrong))
+            del robot["follow"]
         robot_id: Any = robot.get("id")
-        is_known = isinstance(robot_id, int) and robot_id >= 0
+        # A truth value is an int too.
+        is_known = type(robot_id) is int and robot_id >= 0
         self._previous = robot_id if is_known else None
         if is_known and self._seen.setdefault(robot_id, place) is not place:
             # Its other mistakes are told too.

@@ -101,15 +101,19 @@ def team_world(file: TeamFile) -> Path | None:
         )
     if world == NO_WORLD:
         return None
-    beside = file.path.parent / world
     try:
-        return resources.existing_file(beside) or resources.shipped_world(world) or resources.find_world(beside)
+        return resources.find_world(world, file.path.parent)
     except UsageError as error:
         raise file.error([Problem(("team", "world"), str(error))]) from None
 
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
     problems = problems_of(table, Tables)
+    for i, (path, _) in enumerate(problems):
+        name = path[0] if path else ""
+        if name in LISTS and isinstance(table[name], Table):
+            told = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
+            problems[i] = Problem(path, told)
     # A key that is missing may be one that is misspelt.
     mistakes = [*files.mistakes, *table.locate(each for each in problems if each.path or len(problems) == 1)]
     ids_known = isinstance(table.get("robots"), list)

@@ -213,7 +213,7 @@ class Files:
         if above:
             _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
-        for found in [*self._included(own, (*above, path))]:
+        for found in self._included(own, (*above, path)):
             merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
         return merge(merged, own, lists=LISTS)
 
@@ -236,11 +236,10 @@ class Files:
             listed = []
         for i, text in enumerate(listed):
             place = table.place_of("include", i)
-            beside = place.source.path.parent / text
             if len(self.sources) >= MAX_FILES:
                 raise error_of([Mistake(place, f"more than {MAX_FILES} files are included")])
             try:
-                found = resources.existing_file(beside) or resources.shipped_team(text) or resources.find_team(beside)
+                found = resources.find_team(text, place.source.path.parent)
                 if found.resolve() in (path.resolve() for path in above):
                     chain = " → ".join(path.name for path in (*above, found))
                     raise UsageError(f"the files include each other in a circle ({chain})")
@@ -281,4 +280,5 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
         hint = "; text needs quotes" if told == "Invalid value" else ""
+        hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
         raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None

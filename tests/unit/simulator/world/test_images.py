@@ -114,6 +114,14 @@ def test_thresholds_are_map_servers(tmp_path: Path) -> None:
     assert raw == [[0, 0, 1, 0], [0, 0, 0, 0]]
 
 
+def test_cells_are_those_of_double_precision(tmp_path: Path) -> None:
+    """As map_server's: 102 is 87.499… percent between the thresholds. A key that is no text counts for nothing."""
+    path = write_map(tmp_path, mode="scale")
+    path.write_text(f"{path.read_text()}on: 2\n")
+    Image.new("L", (1, 1), 102).save(tmp_path / "floor.pgm")
+    assert read_floor_map(path).cells.tolist() == [[87]]
+
+
 def test_a_yaml_is_a_world_of_its_own(tmp_path: Path) -> None:
     """Cells, size and place follow from resolution and origin; a robot that is added sees its walls."""
     world = load_world(write_map(tmp_path, origin=[1.0, 2.0, math.pi / 2]))

@@ -139,14 +139,17 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) 
     ]
 
 
-@pytest.mark.parametrize("data", [None, b"x = '\xe9'", b"#" * (2 * 2**20 + 1)])
-def test_a_file_that_cannot_be_read_is_one_error(tmp_path: Path, data: bytes | None) -> None:
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [(None, "No such file"), (b"x = '\xe9'", "save it as UTF-8"), (b"#" * (2 * 2**20 + 1), "more than 2 MB")],
+)
+def test_a_file_that_cannot_be_read_is_one_error(tmp_path: Path, data: bytes | None, told: str) -> None:
     """One that is not there, that is not UTF-8, or of more than 2 MB; and a folder."""
     path = tmp_path / "team.toml"
     if data is not None:
         path.write_bytes(data)
-    for each in (path, tmp_path):
-        with pytest.raises(ConfigError, match=str(each)):
+    for each, text in ((path, told), (tmp_path, "Is a directory")):
+        with pytest.raises(ConfigError, match=f"^{each}: .*{text}"):
             load_team(each)
 
 

@@ -148,11 +148,12 @@ def test_an_included_file_that_is_no_team_file_is_told(tmp_path: Path) -> None:
 
 
 def test_files_that_include_others_twice_do_not_multiply(tmp_path: Path) -> None:
-    """Ten files would be read a thousand times; the reading ends at the limit with one line."""
+    """Ten files would be read a thousand times; the reading ends at the limit with one line. One list counts too."""
     texts = {f"f{i}": f'include = ["f{i + 1}.toml", "f{i + 1}.toml"]\n' for i in range(10)}
-    path = write(tmp_path, **texts, f10="[[robots]]\nid = 0\n", team='include = ["f0.toml"]\n')
-    with pytest.raises(ConfigError, match=str(MAX_FILES)):
-        load_team(path)
+    for included in ('"f0.toml"', '"f10.toml", ' * MAX_FILES):
+        path = write(tmp_path, **texts, f10="[defaults]\n", team=f"include = [{included}]\n[[robots]]\nid = 0\n")
+        with pytest.raises(ConfigError, match=f"more than {MAX_FILES} files are included"):
+            load_team(path)
 
 
 def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:
