@@ -36,8 +36,6 @@ from zteam.transforms.lasers import LaserMounts, LaserProblem
 
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
-_CLOCK_QUESTIONS = 3
-"""To each host; the answer that came soonest counts."""
 _MOST_HOSTS = 16
 """Whose clocks are compared: an answer may name any host."""
 _MAX_ROUTERS = 32
@@ -128,11 +126,11 @@ def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declarati
 
 
 def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
-    """The clocks of all hosts of the team, told by one process of each."""
+    """The clocks of all hosts of the team, told by one process of each; of three answers the soonest counts."""
     found: dict[str, HostClock] = {}
     hosts = {node.host: node.name for node in nodes if node.now}
     for host, name in [*hosts.items()][:_MOST_HOSTS]:
-        for _ in range(_CLOCK_QUESTIONS):
+        for _ in range(3):
             begin, asked = wall_ns(), monotonic()
             answers = find_processes(bus, name)
             error = 0.5 * (monotonic() - asked)
