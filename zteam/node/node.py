@@ -106,20 +106,17 @@ class UserStep:
             return self._held[1]
         # In lock-step the next tick waits for it.
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
-        if command is not None:
-            command = self._checked(command)
+        if command is not None and self._node.robot_id is not None:
+            command = checked_command(command, f"{self._node.name}: step")
+        elif command is not None:
+            if self._returned.due():
+                name, kind = self._node.name, type(command).__name__
+                log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
+            command = None
         if due.tick is not None:
             self._held = due.now if due.tick.epoch == 0 else -1, command
         self._node.report(due, RobotDriver.BEHAVIOR, command)
         return command
-
-    def _checked(self, command: Twist) -> Twist | None:
-        name, kind = self._node.name, type(command).__name__
-        if self._node.robot_id is not None:
-            return checked_command(command, f"{name}: step")
-        if self._returned.due():
-            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
-        return None
 
 
 class Node(ProcessNode):

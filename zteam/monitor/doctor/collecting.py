@@ -16,15 +16,7 @@ from zteam.bus.router import find_local_routers, find_strangers, read_admin
 from zteam.bus.transport import Declaration, RawSample
 from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DecodeError
-from zteam.messages import (
-    LaserScan,
-    Message,
-    OccupancyGrid,
-    RobotStatus,
-    TeamStatus,
-    decode,
-    type_of_encoding,
-)
+from zteam.messages import LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages

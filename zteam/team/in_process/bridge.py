@@ -18,15 +18,7 @@ import msgspec
 
 from zteam.bus import Bus, MemoryHub
 from zteam.bus.memory import HubReceiver, MemoryTransport
-from zteam.bus.transport import (
-    Closeable,
-    Handle,
-    QueryHandler,
-    RawPublisher,
-    RawSample,
-    Reply,
-    SampleHandler,
-)
+from zteam.bus.transport import Closeable, Handle, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler
 from zteam.clock import monotonic, monotonic_times, wall_ns
 from zteam.messages import Message
 from zteam.node.working import CALLS, WORK, Work, working_for
