@@ -365,8 +365,7 @@ class Node(ProcessNode):
 
     def lacking(self) -> list[str]:
         """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
-        tick = self.part.tick
-        return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
+        return self._inputs.lacking(self.part.tick)
 
     def _answer_lacking(self) -> Lacking:
         tick, is_open = self.part.tick, self.part.state is TickState.OPEN
@@ -394,7 +393,7 @@ class Node(ProcessNode):
         with self.lock:
             self.readiness.drive(reason, due.epoch)
             if self.status is not None and command is not None:
-                self.status.take(driver, command)
+                self.status.driver, self.status.command = driver, command
                 self.status.tell(logged=logged)
 
     # A step: `_begin`, then `_act` without `changed`, then `_end`
