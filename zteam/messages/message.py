@@ -69,9 +69,18 @@ class Message(msgspec.Struct, eq=False, gc=False):
         package, _, module = cls.__module__.rpartition(".")
         if "ros_type" not in vars(cls) and package == __package__:
             cls.ros_type = f"{module}/msg/{cls.__name__}"
-        # Only the name: the class has no fields yet. Its codec is generated at its first use.
-        if vars(cls).get("ros_type"):
-            _register(cls)
+        name = vars(cls).get("ros_type")
+        if not name:
+            return
+        parts = name.split("/")
+        if len(parts) != 3 or parts[1] != "msg" or not all(part.isidentifier() for part in parts):
+            raise UsageError(f"{cls.__name__}: ros_type is {name!r}; write it as 'my_msgs/msg/{cls.__name__}'")
+        known = REGISTERED.get(name)
+        if known is not None and known.__module__.rpartition(".")[0] == __package__:
+            raise UsageError(f"{cls.__name__}: {name} is a type of zteam's own; choose another package name")
+        # Only the name: the class has no fields yet. Its codec is generated at its first use. A class that is defined
+        # anew, as in a notebook, replaces the one before.
+        REGISTERED[name] = cls
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -83,18 +92,6 @@ class Message(msgspec.Struct, eq=False, gc=False):
         return not self == other
 
     __hash__ = None  # type: ignore[assignment]
-
-
-def _register(kind: type[Message]) -> None:
-    name = kind.ros_type
-    parts = name.split("/")
-    if len(parts) != 3 or parts[1] != "msg" or not all(part.isidentifier() for part in parts):
-        raise UsageError(f"{kind.__name__}: ros_type is {name!r}; write it as 'my_msgs/msg/{kind.__name__}'")
-    known = REGISTERED.get(name)
-    if known is not None and known.__module__.rpartition(".")[0] == __package__:
-        raise UsageError(f"{kind.__name__}: {name} is a type of zteam's own; choose another package name")
-    # A class that is defined anew, as in a notebook, replaces the one before.
-    REGISTERED[name] = kind
 
 
 def _same(a: Any, b: Any) -> bool:

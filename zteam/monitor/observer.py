@@ -23,10 +23,6 @@ M = TypeVar("M", bound=Message)
 
 LINK, PRESENCE = "link", "presence"
 """Events besides the messages of topics."""
-_DESCRIBED = 4
-"""Robots that `describe` names."""
-
-
 SLOWEST = 0.05
 """m/s, or rad/s, below which a robot stands."""
 
@@ -283,9 +279,9 @@ class TeamObserver:
             return True
 
     def describe(self) -> str:
-        """Where the first robots are and why they stand, as the end of a sentence."""
+        """Where the first four robots are and why they stand, as the end of a sentence."""
         known = [robot for _, robot in sorted(self.robots.items()) if names.GROUND_TRUTH in robot.newest]
-        return "".join(f"; {robot.describe()}" for robot in known[:_DESCRIBED])
+        return "".join(f"; {robot.describe()}" for robot in known[:4])
 
     def _notify(self, event: str, source: object, news: object) -> None:
         with self.changed:

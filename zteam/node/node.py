@@ -106,20 +106,17 @@ class UserStep:
             return self._held[1]
         # In lock-step the next tick waits for it.
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
-        if command is not None:
-            command = self._checked(command)
+        if command is not None and self._node.robot_id is not None:
+            command = checked_command(command, f"{self._node.name}: step")
+        elif command is not None:
+            if self._returned.due():
+                name, kind = self._node.name, type(command).__name__
+                log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
+            command = None
         if due.tick is not None:
             self._held = due.now if due.tick.epoch == 0 else -1, command
         self._node.report(due, RobotDriver.BEHAVIOR, command)
         return command
-
-    def _checked(self, command: Twist) -> Twist | None:
-        name, kind = self._node.name, type(command).__name__
-        if self._node.robot_id is not None:
-            return checked_command(command, f"{name}: step")
-        if self._returned.due():
-            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
-        return None
 
 
 class Node(ProcessNode):
@@ -368,8 +365,7 @@ class Node(ProcessNode):
 
     def lacking(self) -> list[str]:
         """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
-        tick = self.part.tick
-        return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
+        return self._inputs.lacking(self.part.tick)
 
     def _answer_lacking(self) -> Lacking:
         tick, is_open = self.part.tick, self.part.state is TickState.OPEN
@@ -397,7 +393,7 @@ class Node(ProcessNode):
         with self.lock:
             self.readiness.drive(reason, due.epoch)
             if self.status is not None and command is not None:
-                self.status.take(driver, command)
+                self.status.driver, self.status.command = driver, command
                 self.status.tell(logged=logged)
 
     # A step: `_begin`, then `_act` without `changed`, then `_end`

@@ -98,17 +98,13 @@ class Output:
             act()
         except OSError as error:
             self._drops = True
-            _discard(self._stream)
+            # What the stream's buffer holds would fail to be written again when the interpreter ends.
+            null = os.open(os.devnull, os.O_WRONLY)
+            # It may have no descriptor.
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(null, self._stream.fileno())
+            os.close(null)
             self.on_failure(error)
-
-
-def _discard(stream: TextIO) -> None:
-    """Redirect a stream to /dev/null: its buffer would fail to be written again when the interpreter ends."""
-    null = os.open(os.devnull, os.O_WRONLY)
-    # It may have no descriptor.
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(null, stream.fileno())
-    os.close(null)
 
 
 def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) -> int:

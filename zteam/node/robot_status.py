@@ -152,10 +152,6 @@ class StatusReport:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
             self.say_again()
 
-    def take(self, driver: str, command: messages.Twist) -> None:
-        """The newest command, which `driver` (of RobotDriver) gave."""
-        self.driver, self.command = driver, command
-
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
         behavior, told = self.tells_of, self.tells_of.navigation
         goal = told and (told.state, told.text, told.goal)

@@ -24,8 +24,6 @@ STOPPED = "stopped (zteam stop --release)"
 LEARN_LIMIT = 0.5 * HOST_FACTOR
 """Host seconds for the others to answer a process that begins; it commands nothing before."""
 
-_TRIES = 3
-
 
 class EngageRequest(Change):
     """Stop the robot. One query on the wildcard stops all robots: none has to be found first."""
@@ -76,7 +74,7 @@ def serve_stop(
 def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
     """Robot and answer of each process that stops `robot_N`, or with ALL_ROBOTS any robot, and knows what holds."""
     answers: list[tuple[str, StopReply]] = []
-    for _ in range(_TRIES):
+    for _ in range(3):
         begin = monotonic()
         answers = bus.find(names.service_key(robot, names.STOP), StopReply, timeout=LEARN_LIMIT)
         # It ends with the last answer. One that takes all its time lacks one.

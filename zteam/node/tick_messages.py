@@ -204,13 +204,11 @@ class TickInputs:
         """Time jumped back."""
         self._stamps.clear()
 
-    def lacking(self, tick: Tick) -> list[str]:
-        """The keys whose message of the tick has not come."""
+    def lacking(self, tick: Tick | None) -> list[str]:
+        """The keys whose message of the tick has not come; without a tick, those declared on which nothing has come."""
+        if tick is None:
+            return [key for key in self._keys if not any(matches(key, heard) for heard in self._stamps)]
         return [key for lacks in self._needs for key in lacks(tick)]
-
-    def never_came(self) -> list[str]:
-        """The declared keys on which nothing has come."""
-        return [key for key in self._keys if not any(matches(key, heard) for heard in self._stamps)]
 
     def _not_come(self, key_expr: str, tick: Tick) -> list[str]:
         """The key, or that key of each robot, whose message of the tick has not come."""

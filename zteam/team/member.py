@@ -42,10 +42,7 @@ def main() -> int:
 
 
 def run_member(
-    name: str,
-    options: ProcessOptions,
-    bus_options: Callable[[bool], BusOptions],
-    clock: ClockMode | None = None,
+    name: str, options: ProcessOptions, bus_options: Callable[[bool], BusOptions], clock: ClockMode | None = None
 ) -> int:
     """Be the process `name`; its exit code. `bus_options(small)` are those of its session."""
     # A mistake is reported before the router is waited for.

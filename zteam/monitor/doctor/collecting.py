@@ -16,15 +16,7 @@ from zteam.bus.router import find_local_routers, find_strangers, read_admin
 from zteam.bus.transport import Declaration, RawSample
 from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DecodeError
-from zteam.messages import (
-    LaserScan,
-    Message,
-    OccupancyGrid,
-    RobotStatus,
-    TeamStatus,
-    decode,
-    type_of_encoding,
-)
+from zteam.messages import LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
@@ -36,8 +28,6 @@ from zteam.transforms.lasers import LaserMounts, LaserProblem
 
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
-_CLOCK_QUESTIONS = 3
-"""To each host; the answer that came soonest counts."""
 _MOST_HOSTS = 16
 """Whose clocks are compared: an answer may name any host."""
 _MAX_ROUTERS = 32
@@ -128,11 +118,11 @@ def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declarati
 
 
 def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
-    """The clocks of all hosts of the team, told by one process of each."""
+    """The clocks of all hosts of the team, told by one process of each; of three answers the soonest counts."""
     found: dict[str, HostClock] = {}
     hosts = {node.host: node.name for node in nodes if node.now}
     for host, name in [*hosts.items()][:_MOST_HOSTS]:
-        for _ in range(_CLOCK_QUESTIONS):
+        for _ in range(3):
             begin, asked = wall_ns(), monotonic()
             answers = find_processes(bus, name)
             error = 0.5 * (monotonic() - asked)

@@ -21,7 +21,6 @@ from zteam.node import kinds
 from zteam.simulator.client import MapInfo
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 _PATIENCE = 5.0
 """Host seconds to wait for a router that answers."""
 _DAY = 86_400.0
@@ -32,7 +31,7 @@ _SOON = 14 * _DAY
 def check_versions() -> Finding:
     """The versions of the packages that zteam needs."""
     found = [f"python {platform.python_version()}"]
-    for package in _PACKAGES:
+    for package in ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow"):
         try:
             found.append(f"{package} {version(package)}")
         except PackageNotFoundError:

@@ -12,8 +12,6 @@ from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
 from zteam.simulator.client import SimStatus
 from zteam.transforms.lasers import LaserProblem
 
-Level = Literal["ok", "note", "problem"]
-
 
 class Finding(msgspec.Struct, frozen=True):
     """One check."""
@@ -24,7 +22,7 @@ class Finding(msgspec.Struct, frozen=True):
     text: str
     next_step: str = ""
     """What to do about it; empty where there is nothing to do."""
-    level: Level = "ok"
+    level: Literal["ok", "note", "problem"] = "ok"
     """A note is good: history, or a state that may be intended."""
 
 

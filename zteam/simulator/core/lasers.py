@@ -76,27 +76,24 @@ class _Batch:
 
     def measure(self, caster: Caster, intensity: NDArray[np.float32], options: Options, tick: int) -> Reading:
         """The readings (scans, beams) where the fans are; `intensity` is that of the caster's surfaces."""
-        self._jitter(tick)
+        beams = self.fans.beams
+        if beams.jitter:
+            # Each beam turns by its own share of an increment.
+            draws = uniforms(streams(self._states[_ANGLE_NOISE], tick), len(self.angles))
+            angles = self.angles + (2.0 * draws - 1.0) * self._angular * beams.increment
+            np.cos(angles, out=beams.cos)
+            np.sin(angles, out=beams.sin)
         exact, hit = caster.cast(self.fans)
         is_hit = hit != caster.nothing
         wrong = self._disturbed(exact, tick)
         if wrong is not exact:
-            exact[is_hit] = np.clip(wrong, 0.0, self.fans.beams.limit)[is_hit]
+            exact[is_hit] = np.clip(wrong, 0.0, beams.limit)[is_hit]
         reading = Reading(exact.astype(np.float32), intensity.take(hit))
         if options.below_min != "measured":
             reading.ranges[reading.ranges < self._range_min] = -np.inf if options.below_min == "-inf" else 0.0
         if options.no_hit == "inf":
             reading.ranges[~is_hit] = np.inf
         return reading
-
-    def _jitter(self, tick: int) -> None:
-        """Turn each beam by its own share of an increment."""
-        beams = self.fans.beams
-        if beams.jitter:
-            draws = uniforms(streams(self._states[_ANGLE_NOISE], tick), len(self.angles))
-            angles = self.angles + (2.0 * draws - 1.0) * self._angular * beams.increment
-            np.cos(angles, out=beams.cos)
-            np.sin(angles, out=beams.sin)
 
     def _disturbed(self, ranges: Floats, tick: int) -> Floats:
         """Ranges with their noise; terms that are zero everywhere draw nothing."""

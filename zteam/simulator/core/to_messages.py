@@ -50,11 +50,6 @@ def odometry_message(observation: Observation, robot_id: int, index: int = 0) ->
     return _odometry(observation, robot_id, names.robot_frame(robot_id, names.ODOM), observation.robots[robot_id].odom)
 
 
-def ground_truth_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Odometry:
-    """The true pose in `map`; the twist is in the robot's own frame, as a nav_msgs/Odometry's is."""
-    return _odometry(observation, robot_id, names.MAP_FRAME, observation.robots[robot_id].truth)
-
-
 def _odometry(observation: Observation, robot_id: int, frame: str, pose: Pose2) -> messages.Odometry:
     vx, vy, w = observation.robots[robot_id].velocity
     return messages.Odometry(
@@ -72,11 +67,6 @@ def joint_message(observation: Observation, robot_id: int, index: int = 0) -> me
         messages.Header(messages.time_from_ns(observation.stamp), ""), list(joints.names), np.array(joints.positions),
         np.array(joints.velocities),
     )  # fmt: skip
-
-
-def stall_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Bool:
-    """Whether the robot is commanded to move, but blocked."""
-    return messages.Bool(observation.robots[robot_id].stall)
 
 
 def fiducials_message(observation: Observation, robot_id: int, index: int) -> messages.Fiducials:
@@ -105,8 +95,9 @@ def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int
 BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
     names.ODOM: odometry_message,
     names.BASE_SCAN: scan_message,
-    names.GROUND_TRUTH: ground_truth_message,
-    names.STALL: stall_message,
+    # The twist is in the robot's own frame, as a nav_msgs/Odometry's is.
+    names.GROUND_TRUTH: lambda seen, i, _: _odometry(seen, i, names.MAP_FRAME, seen.robots[i].truth),
+    names.STALL: lambda seen, i, _: messages.Bool(seen.robots[i].stall),
     names.JOINT_STATES: joint_message,
     names.SONAR: range_message,
     names.FIDUCIALS: fiducials_message,

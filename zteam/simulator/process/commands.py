@@ -198,7 +198,7 @@ class Holds:
 
         A robot without one is stopped if all that have one are. It waits.
         """
-        found = [(robot_id, reply) for robot_id, reply in ask_stopped(self._bus, names.ALL_ROBOTS)]
+        found = ask_stopped(self._bus, names.ALL_ROBOTS)
         told = {robot_id: reply.is_stopped for robot_id, reply in found if reply.by != names.SIMULATOR}
         team = bool(told) and all(told.values())
         for robot_id in self._served:

@@ -95,14 +95,12 @@ class RunStatistics:
             for robot_id in now_stalled - self._stalled:
                 self._robots[robot_id].stalls += 1
             self._stalled = now_stalled
-            for follower, leader in self._follows.items():
-                if follower in ids and leader in ids:
-                    self._add_gap(self._robots[follower], self._robots[leader])
-
-    def _add_gap(self, follower: RobotReport, leader: RobotReport) -> None:
-        gap, before = math.dist(follower.pose[:2], leader.pose[:2]), follower.gap_m or Gap(0.0, 0.0, 0.0)
-        follower.gap_m = Gap(before.mean + gap, max(before.max, gap), gap)
-        self._gap_ticks[follower.id] += 1
+            for robot_id, leader_id in self._follows.items():
+                if robot_id in ids and leader_id in ids:
+                    follower, leader = self._robots[robot_id], self._robots[leader_id]
+                    gap, before = math.dist(follower.pose[:2], leader.pose[:2]), follower.gap_m or Gap(0.0, 0.0, 0.0)
+                    follower.gap_m = Gap(before.mean + gap, max(before.max, gap), gap)
+                    self._gap_ticks[robot_id] += 1
 
     def add_late_steps(self, tick: int, robot_ids: Iterable[int]) -> None:
         """Count a late step for each of these robots: its command for `tick` had not come when the next tick began."""

@@ -27,7 +27,6 @@ WHEEL_SEPARATION = 0.3
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 MAX_INTERVAL_MS = 60_000
-FLOOR = 'model ( name "map" color "gray30" )'
 BUILT_IN = """
 # The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
 # the body, so that robots see each other.
@@ -242,7 +241,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     path = Path(path)
     remarks = Remarks()
     if is_floor_map(path):
-        document, whole_bitmaps = parse_text(FLOOR, remarks, str(path)), True
+        document, whole_bitmaps = parse_text('model ( name "map" color "gray30" )', remarks, str(path)), True
         model = document.root.children[0]
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:

@@ -9,10 +9,8 @@ _SHADE = re.compile(r"(.*?)([0-9]+)")
 _SHADES = {"1": 1.0, "2": 0.932, "3": 0.804, "4": 0.545}
 _ONLY_X11 = {"lightgoldenrod": "#eedd82", "lightslateblue": "#8470ff", "navyblue": "#000080", "violetred": "#d02090"}
 
-Rgb = tuple[float, float, float]
 
-
-def find_color(name: str) -> Rgb | None:
+def find_color(name: str) -> tuple[float, float, float] | None:
     """Channels 0 to 1 of an X11 name or #rrggbb; None for an unknown name.
 
     The numbered shades are X11's rule of thumb, within two steps of 255 of its table.

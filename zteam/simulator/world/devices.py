@@ -15,8 +15,6 @@ from zteam.messages.topics import SENSORS
 from zteam.simulator.world.model import Device, Ranger, Robot
 from zteam.simulator.world.properties import Pose3, Reader, Size3
 
-MAX_SAMPLES = 100_000
-MAX_BUMPERS = 256
 MAX_PIXELS = 10_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
@@ -57,7 +55,7 @@ def _read_sensor(
         low = 0.0
     pose = foot._replace(z=foot.z + reader.size(SENSOR_SIZE).z / 2)
     fov = reader.number("fov", fov, "a")
-    samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
+    samples = reader.whole("samples", samples, 0, 100_000)
     if samples == 0:
         reader.remark("samples", "a sensor without rays is left out")
         return []
@@ -113,7 +111,7 @@ def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
     """The pieces of a `bumper` model: `bcount`, `bpose[i] [x y z yaw]`, `blength` of all or `blength[i]`."""
     common = reader.number("blength", 0.1, "l")
     found = []
-    for i in range(reader.whole("bcount", 0, 0, MAX_BUMPERS)):
+    for i in range(reader.whole("bcount", 0, 0, 256)):
         if not reader.has(f"bpose[{i}]"):
             reader.remark("bcount", f"this bumper lacks bpose[{i}]: [0 0 0 0] is taken, as Stage does")
         pose = reader.pose(f"bpose[{i}]")
@@ -161,11 +159,10 @@ class DeviceModel(NamedTuple):
     """Whether a model without blocks has a body all the same."""
 
 
-_LASER = {"range", "range_min", "range_max", "fov", "samples", "noise"}
 MODELS = {
     "ranger": DeviceModel(read_rangers),
     # The "ranger" of older worlds.
-    "laser": DeviceModel(read_rangers, _LASER),
+    "laser": DeviceModel(read_rangers, {"range", "range_min", "range_max", "fov", "samples", "noise"}),
     "fiducial": DeviceModel(read_finder, {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"}),
     "bumper": DeviceModel(read_bumpers, {"bcount", "bpose[]", "blength", "blength[]"}, has_body=True),
     "blobfinder": DeviceModel(read_blobfinder, {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}),

@@ -140,14 +140,7 @@ class Document:
         base = self._expect(TokenKind.NAME, f"the type or macro that {name} is made of")
         self._skip_lines()
         macro = Macro(base.written, base.place, self._at)
-        self._skip_body()
-        if name.written in self.macros:
-            self._remarks.add(name.place, f"macro {name} is defined already: the first definition stays")
-        else:
-            self.macros[name.written] = macro
-
-    def _skip_body(self) -> None:
-        """Like Stage, look only for the ')' that belongs to the '('."""
+        # Like Stage, look only for the ')' that belongs to the '('.
         opening = self._expect(TokenKind.OPEN, "'('")
         depth = 1
         while depth:
@@ -155,6 +148,10 @@ class Document:
             if kind is TokenKind.EOF:
                 raise opening.place.error("this '(' is never closed")
             depth += (kind is TokenKind.OPEN) - (kind is TokenKind.CLOSE)
+        if name.written in self.macros:
+            self._remarks.add(name.place, f"macro {name} is defined already: the first definition stays")
+        else:
+            self.macros[name.written] = macro
 
     def _parse_item(self, name: Token, owner: Entity, level: int) -> None:
         """Parse an entity or a property of `owner` after its name."""

@@ -149,15 +149,11 @@ def _overlap(thing: Floats, body: Floats) -> bool:
     body = body + _TOUCH * (body.mean(axis=0) - body)
     if (thing.max(axis=0) <= body.min(axis=0)).any() or (body.max(axis=0) <= thing.min(axis=0)).any():
         return False
+    a, b = thing[:, None], np.roll(thing, 1, axis=0)[:, None]
+    c, d = body[None], np.roll(body, 1, axis=0)[None]
+    cross = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
     # If no edges cross, the polygons are apart, or one holds the other.
-    return _edges_cross(thing, body) or bool(in_polygon(thing, *body[0]) or in_polygon(body, *thing[0]))
-
-
-def _edges_cross(one: Floats, other: Floats) -> bool:
-    a, b = one[:, None], np.roll(one, 1, axis=0)[:, None]
-    c, d = other[None], np.roll(other, 1, axis=0)[None]
-    parted = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
-    return bool(parted.any())
+    return bool(cross.any() or in_polygon(thing, *body[0]) or in_polygon(body, *thing[0]))
 
 
 def _side(a: Floats, b: Floats, p: Floats) -> Floats:

@@ -42,14 +42,12 @@ class TextPlace(NamedTuple):
 class Remarks:
     """What a file says that has no effect here: each place once, even if many models share its macro; at most 200."""
 
-    LIMIT = 200
-
     def __init__(self) -> None:
         self._remarks: dict[tuple[TextPlace, str], None] = {}
 
     @property
     def is_full(self) -> bool:
-        return len(self._remarks) >= self.LIMIT
+        return len(self._remarks) >= 200
 
     def add(self, place: TextPlace, text: str) -> None:
         """Note `text` unless it has been noted at this place."""

@@ -69,10 +69,6 @@ class Watchdog:
         """Whether it is so many simulated seconds after GO, and all that moves has been observed."""
         return self.elapsed >= at and self.elapsed > 0.0
 
-    def driving(self) -> list[RobotView]:
-        """The robots that move."""
-        return [robot for _, robot in sorted(self.team.robots.items()) if robot.motion.moves]
-
     def _on_truth(self, robot: RobotView, _truth: Odometry) -> None:
         motion = robot.motion
         # A simulator that has just found its link publishes no command before it knows of this subscriber.
@@ -137,7 +133,8 @@ def _course(
     before, is_robot = team.instances(fault.name), names.robot_id_of(fault.name) is not None
     has_token = (kind := kind_of(fault.name)) is not None and kind.on_bus
     # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
-    drove = [each for each in watchdog.driving() if each.name == fault.name or not is_robot]
+    moving = [robot for _, robot in sorted(team.robots.items()) if robot.motion.moves]
+    drove = [robot for robot in moving if robot.name == fault.name or not is_robot]
     # This process hears of it later than the simulator, whose plan counts from GO.
     late = watchdog.elapsed - fault.at if planned else 0.0
     began, end, host_end = team.now - to_ns(late), watchdog.elapsed - late + fault.lasts, monotonic() + fault.lasts
@@ -191,7 +188,8 @@ def _course(
             return
         is_stopped = yield is_over, math.inf
     if not is_stopped:
-        say(describe(outcome))
+        became = outcome.problem if outcome.recovery is None else f"recovered after {outcome.recovery:.2f} s"
+        say(f"{fault.fault} {fault.name}: {became}")
 
 
 def carry_out(
@@ -241,13 +239,6 @@ def carry_out(
         for course in [*active]:
             go_on(course, True)
     return ChaosReport(outcomes, list(watchdog.violations))
-
-
-def describe(outcome: Outcome) -> str:
-    """One line of progress."""
-    if outcome.recovery is None:
-        return f"{outcome.fault} {outcome.name}: {outcome.problem}"
-    return f"{outcome.fault} {outcome.name}: recovered after {outcome.recovery:.2f} s"
 
 
 def carry_out_beside(

@@ -35,7 +35,6 @@ _REPLY = 0.2 * HOST_FACTOR
 """Host seconds for a reply to pass through the router, before that is killed or frozen itself."""
 _MARGIN = 5.0
 """Host seconds after the end of a fault until a link heals by itself, if the process that cut it is gone."""
-MAX_SEED = 2**63 - 1
 FIRST = 3.0
 """Simulated seconds after GO before the first fault of a random plan."""
 SHORTEST, LONGEST = 0.5, 4.0
@@ -238,17 +237,13 @@ def _between(bounds: tuple[float, float], share: float) -> float:
 
 def plan_text(faults: Sequence[Fault], comment: str = "") -> str:
     """A plan as a TOML file."""
-    tables = [
-        "[[faults]]\n" + "".join(f"{key} = {toml_text(value)}\n" for key, value in _entries(fault).items())
-        for fault in faults
-    ]
+    tables = []
+    for fault in faults:
+        unused = {"kill": ("for", "delay", "rate"), "slow": ()}.get(fault.fault, ("delay", "rate"))
+        told = [(key, value) for key, value in msgspec.to_builtins(fault).items() if key not in unused]
+        lines = [f"{key} = {toml_text(value)}\n" for key, value in told if value is not None]
+        tables.append("[[faults]]\n" + "".join(lines))
     return "\n".join([f"# {comment}\n" if comment else "", *tables]).lstrip("\n")
-
-
-def _entries(fault: Fault) -> dict[str, object]:
-    told = msgspec.to_builtins(fault)
-    unused = {"kill": ("for", "delay", "rate"), "slow": ()}.get(fault.fault, ("delay", "rate"))
-    return {key: value for key, value in told.items() if key not in unused and value is not None}
 
 
 def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, lockstep: bool) -> tuple[Fault, ...]:
@@ -264,7 +259,7 @@ def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, l
         return plan
     if seconds is None:
         raise UsageError(f"a plan of seed {text} needs an end: say --for SECONDS")
-    seed = parse_number(text, 0, MAX_SEED, "the seed of a plan")
+    seed = parse_number(text, 0, 2**63 - 1, "the seed of a plan")
     if lockstep:
         robots = [name for name in processes if names.robot_id_of(name) is not None]
         return random_plan(seed, seconds, robots, KINDS[1:])

@@ -76,9 +76,6 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        self._check_follow()
-
-    def _check_follow(self) -> None:
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
         if "leader" in self.params and (self.follow is not None or self.behavior is None):

@@ -18,15 +18,7 @@ import msgspec
 
 from zteam.bus import Bus, MemoryHub
 from zteam.bus.memory import HubReceiver, MemoryTransport
-from zteam.bus.transport import (
-    Closeable,
-    Handle,
-    QueryHandler,
-    RawPublisher,
-    RawSample,
-    Reply,
-    SampleHandler,
-)
+from zteam.bus.transport import Closeable, Handle, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler
 from zteam.clock import monotonic, monotonic_times, wall_ns
 from zteam.messages import Message
 from zteam.node.working import CALLS, WORK, Work, working_for
@@ -178,8 +170,15 @@ class _BridgedSession(_Session):
 
     def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
         inside = super().declare_subscriber(key_expr, handler, latched, stamped)
-        heard = self._sessions.from_others(self._owner, handler)
-        return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
+        sessions, receivers = self._sessions, [HubReceiver(self._owner, handler)]
+
+        def hear(sample: RawSample) -> None:
+            # What nodes send comes on the hub.
+            if sample.source not in sessions.instances:
+                news = msgspec.structs.replace(sample, timestamp=sessions.time_on_hub(sample.timestamp))
+                sessions.delivery.deliver(receivers, news)
+
+        return self._pair(inside, self._outside.declare_subscriber(key_expr, hear, latched, stamped))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         inside = super().declare_queryable(key, handler)
@@ -225,18 +224,7 @@ class NodeSessions:
         """Handle no more messages."""
         self.delivery.close()
 
-    def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
-        """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
-        instances, receivers = self.instances, [HubReceiver(owner, handler)]
-
-        def hear(sample: RawSample) -> None:
-            if sample.source not in instances:
-                news = msgspec.structs.replace(sample, timestamp=self._time_on_hub(sample.timestamp))
-                self.delivery.deliver(receivers, news)
-
-        return hear
-
-    def _time_on_hub(self, timestamp: int) -> int:
+    def time_on_hub(self, timestamp: int) -> int:
         """The time of a sample from outside, which is newer or older than those of the hub."""
         return max(1, (timestamp * 10**9 >> 32) - self._ahead) if timestamp else 0
 

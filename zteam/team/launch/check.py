@@ -31,12 +31,7 @@ from zteam.team.launch.plan import PYTHON, is_own
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
 
-def check_team(
-    file: TeamFile,
-    world_file: Path | None = None,
-    *,
-    here: bool = False,
-) -> Path | None:
+def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = False) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file. With `here` this
     process imports the user's modules: it runs the team itself, and may have made a module. Raises ConfigError of one
     line for each mistake, in the team file or in the world's."""

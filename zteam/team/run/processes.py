@@ -65,7 +65,6 @@ def node_environment(bus: BusOptions) -> dict[str, str]:
 def claim_namespace(bus: Bus, stop: Stop) -> Claim:
     """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it. Requests the
     stop if a healed network shows an older launcher."""
-
     claim = Claim(bus, names.LAUNCHER)
     try:
         claim.win(stop.request)

@@ -319,22 +319,18 @@ class Threads:
         """Start all nodes but a simulator that runs already, and the processes of the team file."""
         for name in self.parts:
             if name not in self.supervisor.members:
-                self.start_node(name)
+                self.supervisor.start_member(name, partial(self._begin, name), self._plan.jobs.get(name, Job(())))
         if self.tools_bus is not None:
             for name, job in self._plan.jobs.items():
                 if name not in self.parts:
                     job = msgspec.structs.replace(job, environment=self._environment)
                     self.supervisor.start_job(name, job)
 
-    def start_node(self, name: str) -> None:
+    def _begin(self, name: str) -> NodeThread:
         """Start one node, in a thread of its own."""
-
-        def begin() -> NodeThread:
-            node = self._make(name)
-            Thread(target=node.run, name=name, daemon=True).start()
-            return node
-
-        self.supervisor.start_member(name, begin, self._plan.jobs.get(name, Job(())))
+        node = self._make(name)
+        Thread(target=node.run, name=name, daemon=True).start()
+        return node
 
     def _make(self, name: str) -> NodeThread:
         return NodeThread(name, self.parts[name], self._sessions, self.supervisor.on_end)

@@ -46,8 +46,6 @@ _MAX_NAME = 50
 CA, CA_KEY, ACCESS, INDEX = "ca.pem", "ca.key", "access.json5", "index.json"
 _LOOPBACK = ("localhost", "127.0.0.1")
 
-State = Literal["valid", "expires_soon", "expired", "revoked"]
-
 
 class Issued(msgspec.Struct):
     """One certificate that was issued."""
@@ -59,7 +57,7 @@ class Issued(msgspec.Struct):
     revoked: bool = False
 
     @property
-    def state(self) -> State:
+    def state(self) -> Literal["valid", "expires_soon", "expired", "revoked"]:
         """Whether it is of use, by the host's clock."""
         left = self.expires - now()
         if self.revoked:
@@ -187,7 +185,7 @@ class Authority:
             found.append(Issued(len(earlier) + 1, expires, tuple(hosts) if name == ROUTER else ()))
             earlier.append(found[-1])
         # Before the files: a certificate in the folder is one that the index knows.
-        self._save_index()
+        self._write(INDEX, _json(self.index))
         for name, issued in zip(names, found, strict=True):
             self._write_pair(name, f"{name}.{issued.serial}", expires, own, places if name == ROUTER else ())
         return found
@@ -291,14 +289,11 @@ class Authority:
         self._write(f"{file}.key", key.private_bytes(pem, form, serialization.NoEncryption()))
         self._write(f"{file}.pem", builder.sign(signer, hashes.SHA256()).public_bytes(pem))
 
-    def _save_index(self) -> None:
-        self._write(INDEX, _json(self.index))
-
     def save(self) -> None:
         """Save the index, and let routers know: that is the last of all files, because a router then reads its own
         certificate and key too."""
-        self._save_index()
         index = self.index
+        self._write(INDEX, _json(index))
         valid = {
             name: [f"{name}.{each.serial}" for each in found if not each.revoked]
             for name, found in index.certificates.items()
