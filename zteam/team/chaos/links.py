@@ -58,7 +58,8 @@ class Link:
         # Not `async with`: from Python 3.12 on its end waits for all connections.
         server = await asyncio.start_server(self._pass_on, sock=self._listener)
         with closing(server):
-            await self._loop.create_future()
+            while True:
+                await asyncio.wait([self._changed])
 
     async def _pass_on(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
