@@ -140,11 +140,6 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         """Whether the run ends by itself."""
         return self.run_for is not None or self.until is not None
 
-    @property
-    def folder(self) -> Path:
-        """What paths of the team file are relative to."""
-        return self.team_file.parent if self.team_file else Path()
-
 
 def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
     """What the aggregator publishes of a team file in this folder."""
@@ -179,7 +174,9 @@ def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
 
 
 def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
-    team, folder, told = launch.team, launch.folder, dict[str, ProcessOptions]()
+    team, told = launch.team, dict[str, ProcessOptions]()
+    # Paths of the team file are relative to it.
+    folder = launch.team_file.parent if launch.team_file else Path()
     if team.team.map:
         # In the place of the simulator's own map.
         told[names.MAP_SERVER] = MapOptions(folder / team.team.map)
