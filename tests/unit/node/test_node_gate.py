@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import zteam
+from support.limits import LIMIT
 from support.lockstep_doubles import HarnessFactory, ScriptedMonitor
 from support.played_node import play
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import DuplicateNameError
-from zteam.messages import Clock, Header, Odometry, RobotState, RobotStatus, Twist, Vector3, time_from_ns
+from zteam.messages import Clock, Header, Odometry, RobotState, RobotStatus, Tick, Twist, Vector3, time_from_ns
 from zteam.node.stopping import StopReply
 from zteam.testing import run_node
 
@@ -188,3 +189,17 @@ def test_a_node_under_test_has_go(hub: MemoryHub) -> None:
     for name, command in (("robot_3", AHEAD), ("planner", None)):
         with run_node(lambda node: node.run(lambda now: AHEAD, gate=True), hub, name=name, robots=(3,)) as running:
             assert running.tick() == command
+
+
+def test_a_tick_that_comes_while_a_node_under_test_is_busy_is_answered(hub: MemoryHub) -> None:
+    """`tick` waits for the step, which the node's own thread takes after what it does just now."""
+    busy, sent = threading.Event(), threading.Event()
+    with run_node(lambda node: node.run(lambda now: AHEAD), hub, name="robot_3", robots=(3,)) as running:
+        hub.bus().subscribe(names.TICK, Tick, lambda *_: sent.set())
+        look = threading.Thread(
+            target=running.node.take_step, args=(lambda: True, lambda _: busy.set() or sent.wait(LIMIT))
+        )
+        look.start()
+        assert busy.wait(LIMIT)
+        assert running.tick() == AHEAD
+        look.join(LIMIT)

@@ -17,6 +17,7 @@ from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.messages.base import DEFAULT_BASE, Base
+from zteam.node.lockstep import TickState
 from zteam.node.node import Node
 from zteam.node.process_node import ClockMode
 from zteam.node.shutdown import Stop
@@ -141,6 +142,9 @@ class RunningNode:
         self._answers.clear()
         self._send_tick(self.node.name)
         self._tick += 1
+        with self.node.changed:
+            # The node may look for what is missing in its own thread just now, and take the tick after that.
+            self.node.changed.wait_until(lambda: bool(self._answers) or self._lacks_inputs(), LIMIT)
         if not self.node.can_publish:
             self._thread.join(LIMIT)
             self._raise_failure()
@@ -152,6 +156,12 @@ class RunningNode:
             )
         answer = self._answers[-1]
         return answer.command if answer.has_command else None
+
+    def _lacks_inputs(self) -> bool:
+        """Whether the node takes no step in the tick that was sent."""
+        part = self.node.part
+        is_open = part.tick is not None and part.tick.tick == self._tick and part.state is TickState.OPEN
+        return not self.node.can_publish or (is_open and bool(self.node.lacking()))
 
     def reset(self) -> None:
         """Let simulated time begin again with the next tick. The node has heard of it when this returns."""
