@@ -144,7 +144,7 @@ class RunningNode:
         self._tick += 1
         with self.node.changed:
             # The node may look for what is missing in its own thread just now, and take the tick after that.
-            self.node.changed.wait_until(lambda: bool(self._answers) or self._lacks_inputs(), LIMIT)
+            self.node.changed.wait_until(lambda: bool(self._answers) or self._leaves_tick(), LIMIT)
         if not self.node.can_publish:
             self._thread.join(LIMIT)
             self._raise_failure()
@@ -157,11 +157,11 @@ class RunningNode:
         answer = self._answers[-1]
         return answer.command if answer.has_command else None
 
-    def _lacks_inputs(self) -> bool:
-        """Whether the node takes no step in the tick that was sent."""
+    def _leaves_tick(self) -> bool:
+        """Whether the node leaves the tick that was sent unanswered."""
         part = self.node.part
         is_open = part.tick is not None and part.tick.tick == self._tick and part.state is TickState.OPEN
-        return not self.node.can_publish or (is_open and bool(self.node.lacking()))
+        return not self.node.can_publish or self.node.stopping or (is_open and bool(self.node.lacking()))
 
     def reset(self) -> None:
         """Let simulated time begin again with the next tick. The node has heard of it when this returns."""
