@@ -54,7 +54,7 @@ def run(folder: Path, team: str, seconds: int, *options: str, python_path: str =
 @pytest.mark.parametrize(
     ("team", "seconds", "options"),
     [
-        pytest.param("line", 12, ["--in-process"], id="line in one process"),
+        pytest.param("line", 12, ["--in-process"], marks=pytest.mark.gate, id="line in one process"),
         *(
             pytest.param(team, 30, ["--seed", str(seed), *place], marks=pytest.mark.ci, id=f"{team} {seed} {place}")
             for team, seeds in {"line": 3, "chain": 1, "formation": 1, "arena": 1, "navigation": 1}.items()
