@@ -103,13 +103,18 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
 
 
 def test_a_step_of_a_users_own_has_no_word_of_the_class_above() -> None:
-    """What a shipped behaviour says of its own step need not be true of a subclass's."""
+    """What a shipped behaviour says of its own step need not be true of a subclass's; its other base hears of it."""
+    heard: list[type] = []
 
-    class Own(BEHAVIORS["forward"]):  # type: ignore[misc]
+    class Listed:
+        def __init_subclass__(cls) -> None:
+            heard.append(cls)
+
+    class Own(BEHAVIORS["forward"], Listed):  # type: ignore[misc]
         def step(self, view: View) -> Twist:
             return Twist()
 
-    assert Own(Own.Params(speed=0.0)).why_it_rests() == ""
+    assert (Own(Own.Params(speed=0.0)).why_it_rests(), heard) == ("", [Own])
 
 
 def test_a_wander_that_follows_does_not_say_its_own_speed() -> None:
