@@ -26,7 +26,7 @@ Ask = Callable[[str, Callable[[RawSample], object]], None]
 
 
 class _Reader:
-    """Calls one handler on one thread at a time; of a writer, with nothing that comes again, or that the last hides."""
+    """Passes samples to one handler, one at a time; drops repeated and older samples of a writer."""
 
     def __init__(self, handler: SampleHandler) -> None:
         self._handler = handler

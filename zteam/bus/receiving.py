@@ -63,7 +63,7 @@ class Receiver:
     """Makes the transport's handlers of typed callbacks, and counts what they receive and drop, from any thread.
 
     Drops of a key are warned about at most once a second, and ever less often for one reason. Robots of which every
-    message was dropped count as one key.
+    message was dropped share one count.
     """
 
     def __init__(self) -> None:

@@ -129,7 +129,7 @@ def _read_simulator(args: argparse.Namespace) -> Read:
         speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
         lockstep=read_options(LockStepOptions, args) if args.lockstep else None,
     )
-    # Once the log is there: a world that is not found is told as one that cannot be read.
+    # Once the log is there: a world that is not found is logged like one that cannot be read.
     return names.SIMULATOR, lambda: msgspec.structs.replace(options, world=find_world(args.world))
 
 

@@ -66,9 +66,9 @@ class Stop:
     def install(self, on_repeat: Callable[[], None] = lambda: None, hung: int | None = HUNG) -> ExitStack:
         """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
 
-        From the request on, the process has HARD_EXIT seconds to end by itself, unless `hung` is None: it is the exit
-        code where a step does not return. All this is undone, and signals have their former handlers, when what it
-        returns is closed or left as a context. Main thread only.
+        From the request on, the process has HARD_EXIT seconds to end by itself. `hung` is the exit code if a step does
+        not return by then; with None the process is not ended. Closing the returned stack undoes all this and restores
+        the handlers. Main thread only.
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)

@@ -208,7 +208,7 @@ def test_a_team_gets_the_port_from_a_router_without_a_team(name: str, is_team: b
 
 @pytest.mark.parametrize("holder", ["a program", "a router that was started by hand"])
 def test_another_programs_port_is_not_taken(holder: str) -> None:
-    """The team's router takes another port. The program that holds the default port keeps it, though nobody uses it."""
+    """The team's router takes another port. The program that holds the default port keeps it, used or not."""
     with ExitStack() as ends:
         if holder == "a program":
             server = ends.enter_context(socket.create_server(("127.0.0.1", 0)))

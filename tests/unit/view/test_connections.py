@@ -148,7 +148,7 @@ def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
 
 
 def test_a_lack_of_descriptors_is_told_once() -> None:
-    """What waits is closed, so that the next connection finds room; other errors are told as always."""
+    """Waiting connections are closed, so that the next one finds room; other errors are logged as always."""
 
     def test() -> None:
         connections, found = Connections(MOST), [Transport(0) for _ in range(3)]

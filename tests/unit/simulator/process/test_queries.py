@@ -83,7 +83,7 @@ def test_a_step_is_not_answered_before_its_tick_is_over(make: Make) -> None:
 
 
 def test_a_step_is_waited_for_however_long_it_takes(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever asks for the answer when the world stands gets it then, also after hours."""
+    """A request to answer when the world stands is answered then, also after hours."""
     harness, _ = make()
     waits = Mock(wraps=harness.node.changed.wait_until)
     monkeypatch.setattr(harness.node.changed, "wait_until", waits)

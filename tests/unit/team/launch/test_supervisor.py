@@ -220,8 +220,8 @@ def test_a_failing_listener_does_not_hide_an_end() -> None:
 
 
 def test_a_process_that_fails_for_ever_is_given_up(supervisor: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is started again as often as there are delays, each with its line, and counts as failed only then; the rest
-    goes on."""
+    """It is started again as often as there are delays, each with its line, and is reported as failed only then; the
+    rest goes on."""
     assert list(supervising.DELAYS) == sorted(supervising.DELAYS)
     monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.01))
     other = supervisor.run("robot_0", WAITING)
