@@ -107,6 +107,7 @@ def _add_lines(parser: argparse.ArgumentParser) -> None:
     bounds = parser.add_argument_group("bounds", "exit code 1 if a case misses one, or if a run fails")
     for option, typed, metavar, text in (
         ("--contacts", (0, 10**9, "contacts"), "N", "at most so many, of all runs"),
+        ("--stuck", (0, 10**9, "robots"), "N", "robots of narrow places, at most so many, of all runs"),
         ("--held", (0.0, 1.0, "a share"), "SHARE", "each follower in each run, at least"),
         ("--still", (0.0, MAX_SECONDS, "seconds"), "S", "seconds, at most"),
         ("--share", (0.0, 1.0, "a share"), "SHARE", "of the head's way, mean of the runs, at least"),
@@ -154,7 +155,7 @@ def _lines(args: argparse.Namespace, say: Say) -> Shown:
 
     # All of lock-step first: it would take processor time from runs in real time.
     lockstep = run_all([msgspec.structs.replace(task, speed=None) for task in tasks]) if args.real_time else []
-    rows, bounds = run_all(tasks), Bounds(args.contacts, args.held, args.still, args.share)
+    rows, bounds = run_all(tasks), Bounds(args.contacts, args.held, args.still, args.share, args.stuck)
 
     def of(what: str, rows: Sequence[Row]) -> list[Row]:
         return [row for row in rows if row.task.what == what]

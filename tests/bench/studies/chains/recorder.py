@@ -28,6 +28,8 @@ class Moment(msgspec.Struct, array_like=True):
     """Whether a robot had a command to move and was blocked."""
     followed: dict[int, int] = {}
     """The robot that each one follows, -1 = none; without robots that have not published a status yet."""
+    waits: dict[int, int] = {}
+    """The robot for which each one waits, in the same way."""
 
 
 class Tracks(NamedTuple):
@@ -46,6 +48,7 @@ class Recorder:
         self._now: dict[int, tuple[float, float, float]] = {}
         self._blocked: dict[int, bool] = {}
         self._followed: dict[int, int] = {}
+        self._waits: dict[int, int] = {}
         self._rows: dict[int, Moment] = {}
         """By time."""
 
@@ -69,11 +72,12 @@ class Recorder:
 
     def _take_status(self, _key: str, status: RobotStatus) -> None:
         self._followed[status.robot_id] = status.followed
+        self._waits[status.robot_id] = status.waits_for
 
     def _step(self, now: int) -> None:
         robots = sorted(self._now)
         poses, stalled = [self._now[i] for i in robots], [self._blocked.get(i, False) for i in robots]
-        self._rows[now] = Moment(now, poses, stalled, self._followed.copy())
+        self._rows[now] = Moment(now, poses, stalled, self._followed.copy(), self._waits.copy())
 
 
 def make_tracks(rows: Sequence[Moment]) -> Tracks:

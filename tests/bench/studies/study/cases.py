@@ -1,9 +1,11 @@
 """The named cases of the study `lines`: robots that wander, and lines behind a head that wanders or is driven."""
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from studies.study.narrow import NARROW, Narrow
 from zteam.config.toml_values import toml_text
 
 SPEED = 0.4
@@ -31,6 +33,12 @@ class Case(msgspec.Struct, frozen=True):
     is_driven: bool = False
     """Whether the head gets commands of drawn teleop scripts (`studies.study.driver`)."""
 
+    def write(self, folder: Path, _seed: int) -> Path:
+        """Write its team file; its path."""
+        path = folder / "team.toml"
+        path.write_text(self.team_text())
+        return path
+
     def team_text(self) -> str:
         """Its team file."""
         lines = ["[team]"]
@@ -50,7 +58,7 @@ def _entries(table: dict[str, Any]) -> list[str]:
     return [f"{key} = {toml_text(value)}" for key, value in table.items()]
 
 
-CASES = {
+CASES: dict[str, Case | Narrow] = {
     "line": Case("the shipped team line", team="line"),
     "arena": Case("the shipped team arena", team="arena"),
     "wanderer": Case("one robot that wanders in the arena", robots=1, world="arena", start=(-1.5, 0.0, 0.0)),
@@ -67,4 +75,5 @@ CASES = {
     "driven": Case(
         "the head is driven by drawn teleop scripts", speed=None, head={"behavior": "idle"}, is_driven=True, robots=5
     ),
+    **NARROW,
 }

@@ -26,6 +26,8 @@ class Bounds(msgspec.Struct, frozen=True):
     """Seconds, at most."""
     share: float | None = None
     """Of the head's way, mean of the runs, at least."""
+    stuck: int | None = None
+    """Robots in all runs together that got stuck, at most."""
 
 
 class CaseFigures(msgspec.Struct):
@@ -36,6 +38,7 @@ class CaseFigures(msgspec.Struct):
     runs: list[Row]
     errors: int
     contacts: int
+    stuck: int
     held: float | None
     """Of the worst follower in the worst run."""
     still: float
@@ -174,17 +177,25 @@ def summarize(rows: Sequence[Row], lockstep: Sequence[Row], bounds: Bounds) -> C
         missed.append(f"still {longest[0]:g} s, at most {bounds.still:g}: {longest[1]}")
     if bounds.share is not None and share is not None and share < bounds.share:
         missed.append(f"share {share:g} in the mean, at least {bounds.share:g}")
+    stuck = [
+        f"seed {row.task.seed}: robot {stand.robot} for {stand.seconds:g} s from {stand.begin:g} s on"
+        for row in good
+        for stand in row.outcome.stuck
+    ]
+    if bounds.stuck is not None and len(stuck) > bounds.stuck:
+        missed += stuck
     first, beside = rows[0].task, [row.outcome for row in lockstep if not row.outcome.error]
     if good and beside:
         missed += disagreements(first.what, [row.outcome for row in good], beside)
     return CaseFigures(
-        first.what, first.seconds, list(rows), len(rows) - len(good), contacts, worst[0] if worst else None, longest[0],
-        share, missed, list(lockstep),
+        first.what, first.seconds, list(rows), len(rows) - len(good), contacts, len(stuck),
+        worst[0] if worst else None, longest[0], share, missed, list(lockstep),
     )  # fmt: skip
 
 
 _LEGEND = [
-    "failed, contacts: of all runs. held: share of the time within 3 m of the robot that it follows, worst follower.",
+    "failed, contacts, stuck: of all runs; a robot of a narrow place is stuck that stays though there is a way out.",
+    "held: share of the time within 3 m of the robot that it follows, worst follower.",
     "still: longest time in which no robot moved. share: the head's way / (its speed x the time), mean of the runs.",
 ]
 _BESIDE_LEGEND = [
@@ -195,7 +206,7 @@ _BESIDE_LEGEND = [
 
 def format_study(cases: Sequence[CaseFigures]) -> str:
     """One row a case, then what was missed."""
-    header = ["case", "runs", "s", "failed", "contacts", "held", "still, s", "share"]
+    header = ["case", "runs", "s", "failed", "contacts", "stuck", "held", "still, s", "share"]
     cells = [
         [
             case.what,
@@ -203,6 +214,7 @@ def format_study(cases: Sequence[CaseFigures]) -> str:
             f"{case.seconds:g}",
             f"{case.errors}",
             f"{case.contacts}",
+            f"{case.stuck}",
             "-" if case.held is None else f"{case.held:.3f}",
             f"{case.still:.1f}",
             "-" if case.share is None else f"{case.share:.2f}",

@@ -16,10 +16,13 @@ from studies.launching import run_processes
 from studies.on_time import late_share, run_on_time
 from studies.study.cases import CASES
 from studies.study.driver import TELEOP, Driver
+from studies.study.narrow import Narrow
+from studies.study.stuck import Floor, Stand, find_stuck
 from zteam.clock import to_ns
 from zteam.config.resources import find_team
 from zteam.team.run.report import RunReport
 from zteam.team.run.run_team import run_team
+from zteam.world import load_world
 
 HELD = 3.0
 """Metres: a follower is held while the robot that it follows is so near."""
@@ -69,6 +72,8 @@ class Outcome(msgspec.Struct, omit_defaults=True):
     """Share of the steps that came late (real time)."""
     share: float | None = None
     """Way of the first robot by its speed times the time; None where the speed is not known."""
+    stuck: list[Stand] = []
+    """Robots that stayed in their place though there was a way to leave it; only of narrow places."""
     trajectory: str = ""
     """Hash of the way of all robots: a run of the same task has the same one."""
 
@@ -86,14 +91,13 @@ def measure(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         team = task.what if case is None else case.team
         if not team and case is not None:
-            path = Path(folder) / "team.toml"
-            path.write_text(case.team_text())
-            team = str(path)
+            team = str(case.write(Path(folder), task.seed))
         try:
             report, moments = (_run_processes if task.processes else _run_here)(task, team)
         # Anything that ends a run is a result of the study.
         except (Exception, SystemExit) as error:
             return Outcome(error=f"{type(error).__name__}: {error}"[:200])
+        floor = Floor(load_world(Path(folder, "narrow.world"))) if isinstance(case, Narrow) else None
     # The world stands still when the time is over; before GO no time counts.
     moments = [each for each in moments if each.now > moments[-1].now - to_ns(task.seconds)]
     places = make_tracks(moments).poses[..., :2]
@@ -112,6 +116,10 @@ def measure(task: Task) -> Outcome:
         late=round(late_share(report), 4),
         trajectory=report.trajectory_sha256,
     )
+    if floor is not None and isinstance(case, Narrow):
+        poses, tick = make_tracks(moments).poses, task.seconds / len(moments)
+        waits = [each.waits for each in moments]
+        outcome.stuck = find_stuck(floor, poses, tick, followed, waits, is_line=not case.shape)
     if case is not None and case.speed is not None:
         outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
     return outcome
