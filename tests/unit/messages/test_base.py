@@ -76,7 +76,7 @@ def test_an_override_holds_for_what_it_sets() -> None:
         ({"max_vel_x": 0.0}, "max_vel_x: a number above 0 is expected, not 0.0"),
         ({"max_vel_theta": math.nan}, "max_vel_theta: a number above 0 is expected, not NaN"),
         ({"min_vel_x": 0.1}, "min_vel_x: a number of at most 0 is expected, not 0.1"),
-        ({"min_vel_x": math.nan}, "min_vel_x: a number of at most 0 is expected, not NaN"),
+        ({"min_vel_x": math.nan}, "min_vel_x: a number of at least -1000 is expected, not NaN"),
         ({"decel_lim_x": 2.0}, "decel_lim_x: a number below 0 is expected, not 2.0"),
         ({"footprint": [[0, 0], [1, 0]]}, "footprint: a list of at least 3 values is expected, not [[0, 0], [1, 0]]"),
         ({"footprint": [[0, 0], [1, 0], [0, "a"]]}, 'footprint[2][1]: a number is expected, not "a"'),

@@ -177,7 +177,8 @@ class Navigator:
         except BlockedError as error:
             if self._blocked_since is None:
                 self._blocked_since, self._planned = here.now, -math.inf
-            if here.now - self._blocked_since > self._parameters.controller.failure_tolerance:
+            tolerance = self._parameters.controller.failure_tolerance
+            if 0.0 <= tolerance < here.now - self._blocked_since:
                 return self._fail(here, goal, str(error))
             return STOP
         self._blocked_since = None

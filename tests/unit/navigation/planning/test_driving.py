@@ -127,6 +127,15 @@ def test_at_the_end_it_goes_on_to_turn(stateful: bool) -> None:
     assert pursuit.command(costmap, corrected, Velocity(), 0.1).x > 0.0
 
 
+@pytest.mark.parametrize(("search", "left"), [(-1.0, 1.0), (0.0, 1.0), (0.5, 3.5)])
+def test_its_place_is_looked_for_on_the_whole_path_or_a_part(search: float, left: float) -> None:
+    """A `max_robot_pose_search_dist` of 0 or less is the whole path, as in Nav2."""
+    pursuit = RegulatedPurePursuit(PursuitOptions(max_robot_pose_search_dist=search))
+    pursuit.set_path(np.array([[0.5 + 0.5 * i, 2.5, 0.0] for i in range(9)]))
+    pursuit.command(room(), Pose2(3.5, 2.5, 0.0), Velocity(), 0.1)
+    assert pursuit.remaining() == left
+
+
 def test_where_nothing_is_free_it_says_so() -> None:
     """A robot walled in gets no command."""
     cells = np.full((40, 40), 100, np.int8)
@@ -185,7 +194,7 @@ def test_options_that_cannot_work_are_refused() -> None:
     """A behaviour that does not exist, and a speed of 0, also where a program makes the options itself."""
     with pytest.raises(ValueError, match=r"behaviors\[1\]"):
         RecoveryOptions(behaviors=("wait", "dance"))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="desired_linear_vel: a number above 0"):
+    with pytest.raises(ValueError, match="desired_linear_vel: a number of at least"):
         PursuitOptions(desired_linear_vel=0.0)
 
 

@@ -11,7 +11,7 @@ from support.goals import make_goal
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState
 from zteam.navigation.planning.controller import BlockedError
-from zteam.navigation.planning.parameters import Parameters
+from zteam.navigation.planning.parameters import ControllerOptions, Parameters
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.planning.recovery import RecoveryOptions
 from zteam.navigation.process.costmaps import Situation
@@ -145,6 +145,15 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
     assert drive.planner.plans == plans + 1
     drive.step(count=4)
     assert (drive.navigator.state, drive.navigator.text) == (NavigationState.RECOVERING, "a box is in the way")
+
+
+def test_a_failure_tolerance_below_0_has_no_end() -> None:
+    """As in Nav2: the controller may find no command for as long as it takes."""
+    drive = Drive(controller=ControllerOptions(failure_tolerance=-1.0))
+    drive.step(count=2)
+    drive.controller.blocked = True
+    drive.step(count=60)
+    assert drive.navigator.state is NavigationState.DRIVING
 
 
 def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:
