@@ -20,7 +20,7 @@ from zteam.config.numbers import NotNegative, Positive
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
-from zteam.geometry import FAR, Velocity
+from zteam.geometry import FAR
 from zteam.kernels.navigation import MAX_CELLS
 from zteam.messages.base import DEFAULT_BASE, MAX_EXTENT, Base, BaseOverride
 from zteam.navigation.planning.amcl import AmclOptions
@@ -101,12 +101,12 @@ class ControllerOptions(CheckedOptions, frozen=True):
 
 
 _SPEEDS = {
-    "linear": ("max_vel_x", "vx_max", "v_linear_max", "max_linear_vel", "max_speed_xy"),
-    "angular": ("max_vel_theta", "wz_max", "v_angular_max", "max_angular_vel"),
-    "linear_acceleration": ("acc_lim_x", "ax_max"),
-    "angular_acceleration": ("acc_lim_theta", "az_max"),
+    "max_vel_x": ("max_vel_x", "max_speed_xy", "vx_max", "v_linear_max", "max_linear_vel"),
+    "max_vel_theta": ("max_vel_theta", "wz_max", "v_angular_max", "max_angular_vel"),
+    "acc_lim_x": ("acc_lim_x", "ax_max"),
+    "acc_lim_theta": ("acc_lim_theta", "az_max"),
 }
-"""The names of Nav2's controllers for the fields of Limits."""
+"""By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
 _NAMES = [(name, Positive | None, None) for row in _SPEEDS.values() for name in row]
 SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
 
@@ -121,34 +121,14 @@ class SmootherOptions(CheckedOptions, frozen=True):
     max_accel: _Vector | None = None
 
 
-class Limits(NamedTuple):
-    """What a robot's velocity keeps within, whatever commands it: m/s, rad/s, m/s², rad/s²."""
-
-    linear: float
-    angular: float
-    linear_acceleration: float
-    angular_acceleration: float
-
-    def keep(self, velocity: Velocity, before: Velocity, seconds: float) -> Velocity:
-        """`velocity` or a slower one on the same arc, `seconds` after `before`. It may brake as hard as it can."""
-        share = 1.0
-        for wanted, last, most, gain in (
-            (velocity.x, before.x, self.linear, self.linear_acceleration),
-            (velocity.turn, before.turn, self.angular, self.angular_acceleration),
-        ):
-            most = min(most, (abs(last) if last * wanted > 0.0 else 0.0) + gain * seconds)
-            share = min(share, most / abs(wanted)) if abs(wanted) > most else share
-        return velocity if share == 1.0 else Velocity(share * velocity.x, share * velocity.y, share * velocity.turn)
-
-
-def _limits_of(speed: msgspec.Struct, *smoothed: _Vector | None) -> Limits:
-    """The least of the limits of each kind; inf where there is none."""
-    found = {kind: [getattr(speed, name) or math.inf for name in row] for kind, row in _SPEEDS.items()}
-    for kind, values in zip(("", "_acceleration"), smoothed, strict=False):
+def _limits_of(speed: msgspec.Struct, smoother: SmootherOptions) -> Base:
+    """A base with the least of the limits of each kind; inf where there is none."""
+    found: dict[str, Any] = {key: [getattr(speed, name) or math.inf for name in row] for key, row in _SPEEDS.items()}
+    for limit, values in (("max_vel", smoother.max_velocity), ("acc_lim", smoother.max_accel)):
         if values is not None:
-            found[f"linear{kind}"].append(values[0])
-            found[f"angular{kind}"].append(values[2])
-    return Limits(**{kind: min(row) for kind, row in found.items()})
+            found[f"{limit}_x"].append(values[0])
+            found[f"{limit}_theta"].append(values[2])
+    return Base(**{limit: min(row) for limit, row in found.items()})
 
 
 class PlannerServerOptions(CheckedOptions, frozen=True):
@@ -240,9 +220,9 @@ class Parameters(NamedTuple):
     """What a user should know of them, such as a plug-in of Nav2's that zteam's own replaces."""
 
     @property
-    def limits(self) -> Limits:
-        """What all commands keep within."""
-        return _limits_of(self.speed, self.smoother.max_velocity, self.smoother.max_accel)
+    def limits(self) -> Base:
+        """A base whose limits all commands keep within; inf where there is none."""
+        return _limits_of(self.speed, self.smoother)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
@@ -253,11 +233,11 @@ class Parameters(NamedTuple):
         return RegulatedPurePursuit(
             msgspec.structs.replace(
                 options,
-                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x, limits.linear),
+                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
                 rotate_to_heading_angular_vel=min(
-                    options.rotate_to_heading_angular_vel, base.max_vel_theta, limits.angular
+                    options.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta
                 ),
-                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta, limits.angular_acceleration),
+                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
                 xy_goal_tolerance=self.goal.xy_goal_tolerance,
             )
         )
@@ -334,7 +314,7 @@ def _read_parameters(
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
         default = Parameters._field_defaults[field]
-        if field == "pursuit" and (most := _limits_of(found["speed"]).linear) < math.inf:
+        if field == "pursuit" and (most := _limits_of(found["speed"], SmootherOptions()).max_vel_x) < math.inf:
             # Nav2's other controllers drive as fast as they may.
             default = msgspec.structs.replace(default, desired_linear_vel=most)
         given = _own_names(place, table, type(default))

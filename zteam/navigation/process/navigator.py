@@ -6,6 +6,7 @@ import msgspec
 
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState, PoseStamped
+from zteam.messages.base import Base
 from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker
 from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
@@ -222,6 +223,18 @@ class Navigator:
         self._progress.reset()
         self.plan_anew()
         return STOP
+
+
+def slow_down(velocity: Velocity, before: Velocity, limits: Base, seconds: float) -> Velocity:
+    """`velocity`, or a slower one on the same arc, `seconds` after `before`. Braking has no limit here."""
+    share = 1.0
+    for wanted, last, most, gain in (
+        (velocity.x, before.x, limits.max_vel_x, limits.acc_lim_x),
+        (velocity.turn, before.turn, limits.max_vel_theta, limits.acc_lim_theta),
+    ):
+        most = min(most, (abs(last) if last * wanted > 0.0 else 0.0) + gain * seconds)
+        share = min(share, most / abs(wanted)) if abs(wanted) > most else share
+    return velocity if share == 1.0 else Velocity(share * velocity.x, share * velocity.y, share * velocity.turn)
 
 
 def move(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:

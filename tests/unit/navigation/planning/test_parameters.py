@@ -9,9 +9,8 @@ import pytest
 from support.installed_packages import install
 from zteam.config.problems import problems_of
 from zteam.errors import UsageError
-from zteam.geometry import Velocity
 from zteam.messages.base import Base
-from zteam.navigation.planning.parameters import FirstPose, Limits, Parameters, navigation_of_robot
+from zteam.navigation.planning.parameters import FirstPose, Parameters, navigation_of_robot
 
 NAV2 = """
 amcl:
@@ -240,24 +239,6 @@ def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
     slower = f"{text}\nvelocity_smoother: {{ros__parameters: {{max_velocity: [0.1, 0.0, 0.3]}}}}"
     options = read(tmp_path, slower).make_controller(fast).options  # type: ignore[attr-defined]
     assert (options.desired_linear_vel, options.rotate_to_heading_angular_vel) == (0.1, 0.3)
-
-
-@pytest.mark.parametrize(
-    ("wanted", "before", "kept"),
-    [
-        (Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5)),
-        (Velocity(1.0, 0.0, 0.5), Velocity(0.5, 0.0, 0.5), Velocity(0.5, 0.0, 0.25)),
-        (Velocity(0.5, 0.0, 2.0), Velocity(0.5, 0.0, 1.0), Velocity(0.25, 0.0, 1.0)),
-        (Velocity(-2.0), Velocity(-0.5), Velocity(-0.5)),
-        (Velocity(0.5), Velocity(), Velocity(0.2)),
-        (Velocity(0.5), Velocity(-0.5), Velocity(0.2)),
-        (Velocity(0.0), Velocity(0.5), Velocity(0.0)),
-        (Velocity(turn=-1.0), Velocity(turn=-0.2), Velocity(turn=-0.6)),
-    ],
-)
-def test_velocities_keep_within_limits_on_their_arc(wanted: Velocity, before: Velocity, kept: Velocity) -> None:
-    """Speeds and speeding up have limits in both directions, braking has none."""
-    assert Limits(0.5, 1.0, 2.0, 4.0).keep(wanted, before, 0.1) == pytest.approx(kept)
 
 
 @pytest.mark.parametrize(

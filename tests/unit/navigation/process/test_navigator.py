@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from support.goals import make_goal
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState
+from zteam.messages.base import Base
 from zteam.navigation.planning.controller import BlockedError
 from zteam.navigation.planning.parameters import ControllerOptions, Parameters
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.planning.recovery import RecoveryOptions
 from zteam.navigation.process.costmaps import Situation
-from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator
+from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator, slow_down
 
 AHEAD = Velocity(0.5)
 
@@ -145,6 +146,25 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
     assert drive.planner.plans == plans + 1
     drive.step(count=4)
     assert (drive.navigator.state, drive.navigator.text) == (NavigationState.RECOVERING, "a box is in the way")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "before", "kept"),
+    [
+        (Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5)),
+        (Velocity(1.0, 0.0, 0.5), Velocity(0.5, 0.0, 0.5), Velocity(0.5, 0.0, 0.25)),
+        (Velocity(0.5, 0.0, 2.0), Velocity(0.5, 0.0, 1.0), Velocity(0.25, 0.0, 1.0)),
+        (Velocity(-2.0), Velocity(-0.5), Velocity(-0.5)),
+        (Velocity(0.5), Velocity(), Velocity(0.2)),
+        (Velocity(0.5), Velocity(-0.5), Velocity(0.2)),
+        (Velocity(0.0), Velocity(0.5), Velocity(0.0)),
+        (Velocity(turn=-1.0), Velocity(turn=-0.2), Velocity(turn=-0.6)),
+    ],
+)
+def test_velocities_keep_within_limits_on_their_arc(wanted: Velocity, before: Velocity, kept: Velocity) -> None:
+    """Speeds and speeding up have limits in both directions, braking has none."""
+    limits = Base(max_vel_x=0.5, max_vel_theta=1.0, acc_lim_x=2.0, acc_lim_theta=4.0)
+    assert slow_down(wanted, before, limits, 0.1) == pytest.approx(kept)
 
 
 def test_a_failure_tolerance_below_0_has_no_end() -> None:
