@@ -8,7 +8,15 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import find_hit
-from zteam.navigation.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, place
+from zteam.navigation.planning.costmap import (
+    LETHAL_OBSTACLE,
+    Costmap,
+    CostmapOptions,
+    make_circle,
+    make_costmap,
+    make_footprint,
+    place,
+)
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import make_controller, make_planner
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError
@@ -196,6 +204,22 @@ def test_options_that_cannot_work_are_refused() -> None:
         RecoveryOptions(behaviors=("wait", "dance"))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="desired_linear_vel: a number of at least"):
         PursuitOptions(desired_linear_vel=0.0)
+
+
+def test_a_recovery_turns_no_faster_than_nav2_lets_it() -> None:
+    """`max_rotational_vel` bounds `rotational_vel`."""
+    recovery = Recovery(RecoveryOptions(behaviors=("spin",), max_rotational_vel=0.4))
+    recovery.begin(0.0, Pose2(2.5, 2.5, 0.0), "blocked")
+    assert recovery.step(0.0, Pose2(2.5, 2.5, 0.0), room()) == Velocity(turn=0.4)
+
+
+@pytest.mark.parametrize("threshold", [253, 100, 90, 1])
+def test_a_wall_of_the_map_is_an_obstacle_whatever_the_threshold(threshold: int) -> None:
+    """As Nav2 does, more than 100 is 100."""
+    cells = np.zeros((9, 9), np.int8)
+    cells[4, 4] = 100
+    options = CostmapOptions(lethal_cost_threshold=threshold)
+    assert make_costmap(make_map(cells, 0.1), make_circle(0.2), options).costs[4, 4] == LETHAL_OBSTACLE
 
 
 def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> None:

@@ -131,7 +131,10 @@ def test_beams_on_a_teammate_say_nothing(deviation: float, mate: Teammate, is_le
 def test_a_largest_range_of_0_or_less_is_the_scans_own(far: float, used: int) -> None:
     """As in amcl: all beams count that met something, also of a laser without a range_max."""
     scan = look(make_hall(), Pose2(3.0, 2.0, 0.0))._replace(range_max=math.inf)
-    assert len(choose_beams(scan, (), AmclOptions(laser_max_range=far), None)) == used
+    options = AmclOptions(laser_max_range=far)
+    assert len(choose_beams(scan, (), options, None)) == used
+    nothing = scan._replace(ranges=np.full_like(scan.ranges, np.inf))
+    assert len(choose_beams(nothing, (), options, None)) == 0
 
 
 def test_without_errors_particles_move_as_odometry_does() -> None:
