@@ -42,6 +42,7 @@ Tables = dict[str, dict[str, Any]]
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
+_SHIMMED = "primary_controller."
 MAX_BYTES = 2**20
 
 
@@ -422,8 +423,9 @@ def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struc
     """Fields of the options that the table sets, and the names it has for them."""
     prefix = _prefix(place, table)
     found = {}
-    for name in table:
-        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix)
+    # A rotation shim has the parameters of its controller below its own since Kilted; its own count before them.
+    for name in sorted(table, key=lambda name: _SHIMMED not in name):
+        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix).removeprefix(_SHIMMED)
         if own in kind.__struct_encode_fields__ and (place.anywhere or name.startswith(prefix)):
             found[own] = name
     return found
@@ -474,6 +476,8 @@ def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
     tables: Tables = {}
     found = sorted(_find_nodes(contents, ()), key=lambda item: ("*" not in item[0], len(item[0].replace("*", ""))))
     for pattern, parameters in found:
+        # Its name until Galactic, and in files since then.
+        pattern = pattern.replace("recoveries_server", "behavior_server")
         words = re.escape(pattern).replace(r"\*\*/", "(?:.*/)?").replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
         for node in NODES:
             # The costmaps are nodes in namespaces of their own.

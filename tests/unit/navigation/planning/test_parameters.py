@@ -223,6 +223,18 @@ def test_every_number_has_bounds() -> None:
             0.22,
             0.9,
         ),
+        (
+            "nav2_rotation_shim_controller::RotationShimController",
+            "primary_controller: {plugin: 'nav2_mppi_controller::MPPIController', vx_max: 0.3, wz_max: 1.1}",
+            0.3,
+            1.1,
+        ),
+        (
+            "nav2_rotation_shim_controller::RotationShimController",
+            "rotate_to_heading_angular_vel: 0.5, primary_controller: {max_vel_x: 0.4, rotate_to_heading_angular_vel: 2}",
+            0.4,
+            0.5,
+        ),
     ],
 )
 def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
@@ -294,8 +306,8 @@ def test_a_file_of_which_nothing_applies_is_told(tmp_path: Path) -> None:
     assert read(tmp_path, text, robot_id=7).notes == ()
 
 
-def test_checkers_are_found_as_before_humble(tmp_path: Path) -> None:
-    """A name in the place of a list; and motion models by their short names."""
+def test_older_names_of_nav2_are_known(tmp_path: Path) -> None:
+    """A checker's name in the place of a list, motion models by their short names, and the server of recoveries."""
     found = read(
         tmp_path,
         """
@@ -304,8 +316,10 @@ controller_server:
   ros__parameters:
     goal_checker_plugin: near
     near: {xy_goal_tolerance: 0.1}
+recoveries_server: {ros__parameters: {max_rotational_vel: 0.4}}
 """,
     )
+    assert found.recovery.max_rotational_vel == 0.4
     assert (found.goal.xy_goal_tolerance, found.amcl.robot_model_type) == (0.1, "omnidirectional")
 
 
