@@ -231,7 +231,7 @@ def test_every_number_has_bounds() -> None:
         ),
         (
             "nav2_rotation_shim_controller::RotationShimController",
-            "rotate_to_heading_angular_vel: 0.5, primary_controller: {max_vel_x: 0.4, rotate_to_heading_angular_vel: 2}",
+            "rotate_to_heading_angular_vel: 0.5, primary_controller: {vx_max: 0.4, rotate_to_heading_angular_vel: 2}",
             0.4,
             0.5,
         ),
