@@ -136,8 +136,8 @@ class PlannerServerOptions(CheckedOptions, frozen=True):
     """Parameters of planner_server itself."""
 
     planner_plugins: _Names = ()
-    expected_planner_frequency: Positive = 1.0
-    """Plans a second while the robot drives."""
+    expected_planner_frequency: NotNegative = 1.0
+    """Plans a second while the robot drives; 0, which expects none in Nav2, is 1."""
 
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")

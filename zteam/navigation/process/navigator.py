@@ -132,7 +132,7 @@ class Navigator:
             return self._recover(here, costmaps)
         # There, no other path is of use, and the controller goes on to turn.
         there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
-        interval = math.inf if there else 1.0 / frequency
+        interval = math.inf if there else 1.0 / (frequency or 1.0)
         if self._blocked_since is not None:
             interval = min(interval, _AGAIN)
         if here.now - self._planned >= interval - 1e-6 and not self._plan(here, costmaps, self.goal):

@@ -12,7 +12,7 @@ from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState
 from zteam.messages.base import Base
 from zteam.navigation.planning.controller import BlockedError
-from zteam.navigation.planning.parameters import ControllerOptions, Parameters
+from zteam.navigation.planning.parameters import ControllerOptions, Parameters, PlannerServerOptions
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.planning.recovery import RecoveryOptions
 from zteam.navigation.process.costmaps import Situation
@@ -95,9 +95,11 @@ class Drive:
         return velocity
 
 
-def test_it_plans_drives_and_arrives() -> None:
-    """A plan a second; within the tolerance the goal is reached, and the robot stands."""
-    drive = Drive()
+@pytest.mark.parametrize("frequency", [1.0, 0.0])
+def test_it_plans_drives_and_arrives(frequency: float) -> None:
+    """A plan a second, also where a file of Nav2 expects none; within the tolerance the goal is reached, and the robot
+    stands."""
+    drive = Drive(planner_server=PlannerServerOptions(expected_planner_frequency=frequency))
     assert drive.step(0.0) == AHEAD
     for tick in range(1, 31):
         assert drive.step(0.05 * tick) == AHEAD
