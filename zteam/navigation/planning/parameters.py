@@ -119,6 +119,7 @@ class SmootherOptions(CheckedOptions, frozen=True):
     """Limits of Nav2's velocity_smoother: along x and y, and about z."""
 
     max_velocity: _Vector | None = None
+    min_velocity: tuple[Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)], _Signed, _Signed] | None = None
     max_accel: _Vector | None = None
 
 
@@ -129,7 +130,8 @@ def _limits_of(speed: msgspec.Struct, smoother: SmootherOptions) -> Base:
         if values is not None:
             found[f"{limit}_x"].append(values[0])
             found[f"{limit}_theta"].append(values[2])
-    return Base(**{limit: min(row) for limit, row in found.items()})
+    backwards = smoother.min_velocity[0] if smoother.min_velocity else -math.inf
+    return Base(min_vel_x=backwards, **{limit: min(row) for limit, row in found.items()})
 
 
 class PlannerServerOptions(CheckedOptions, frozen=True):

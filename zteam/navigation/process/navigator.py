@@ -229,7 +229,7 @@ def slow_down(velocity: Velocity, before: Velocity, limits: Base, seconds: float
     """`velocity`, or a slower one on the same arc, `seconds` after `before`. Braking has no limit here."""
     share = 1.0
     for wanted, last, most, gain in (
-        (velocity.x, before.x, limits.max_vel_x, limits.acc_lim_x),
+        (velocity.x, before.x, limits.max_vel_x if velocity.x > 0.0 else -limits.min_vel_x, limits.acc_lim_x),
         (velocity.turn, before.turn, limits.max_vel_theta, limits.acc_lim_theta),
     ):
         most = min(most, (abs(last) if last * wanted > 0.0 else 0.0) + gain * seconds)

@@ -156,7 +156,7 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
         (Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5)),
         (Velocity(1.0, 0.0, 0.5), Velocity(0.5, 0.0, 0.5), Velocity(0.5, 0.0, 0.25)),
         (Velocity(0.5, 0.0, 2.0), Velocity(0.5, 0.0, 1.0), Velocity(0.25, 0.0, 1.0)),
-        (Velocity(-2.0), Velocity(-0.5), Velocity(-0.5)),
+        (Velocity(-2.0), Velocity(-0.5), Velocity(-0.3)),
         (Velocity(0.5), Velocity(), Velocity(0.2)),
         (Velocity(0.5), Velocity(-0.5), Velocity(0.2)),
         (Velocity(0.0), Velocity(0.5), Velocity(0.0)),
@@ -165,7 +165,7 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
 )
 def test_velocities_keep_within_limits_on_their_arc(wanted: Velocity, before: Velocity, kept: Velocity) -> None:
     """Speeds and speeding up have limits in both directions, braking has none."""
-    limits = Base(max_vel_x=0.5, max_vel_theta=1.0, acc_lim_x=2.0, acc_lim_theta=4.0)
+    limits = Base(max_vel_x=0.5, min_vel_x=-0.3, max_vel_theta=1.0, acc_lim_x=2.0, acc_lim_theta=4.0)
     assert slow_down(wanted, before, limits, 0.1) == pytest.approx(kept)
 
 
