@@ -385,10 +385,10 @@ _OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
 }
 """Of each kind of plug-in: zteam's own, its class and its options."""
 _OF_NAV2 = {
-    "planner": re.compile(r"(?:smac_planner|nav2_(?!\w*controller)\w+)(?:::|/)\w+"),
-    "controller": re.compile(r"(?:dwb_core|nav2_(?!\w*planner)\w+)(?:::|/)\w+"),
+    "planner": re.compile(r"(?:smac_planner|nav2_(?!\w*controller)\w+)(?:::|[/:.])\w+"),
+    "controller": re.compile(r"(?:dwb_core|nav2_(?!\w*planner)\w+)(?:::|[/:.])\w+"),
 }
-"""Names of Nav2's plug-ins, whose work zteam's own does here."""
+"""Names of Nav2's plug-ins, whose work zteam's own does here; files separate their parts by `::` or `/`."""
 
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:

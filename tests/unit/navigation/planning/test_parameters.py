@@ -256,7 +256,7 @@ def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
 @pytest.mark.parametrize(
     "plugin",
     ["nav2_navfn_planner/NavfnPlanner", "nav2_smac_planner::SmacPlannerHybrid", "smac_planner/SmacPlanner",
-     "nav2_theta_star_planner::ThetaStarPlanner"],
+     "nav2_theta_star_planner::ThetaStarPlanner", " nav2_navfn_planner:Navfn", "nav2_navfn_planner.NavfnPlanner"],
 )  # fmt: skip
 def test_a_planner_of_nav2_is_replaced(tmp_path: Path, plugin: str) -> None:
     """With a note; what has the same name holds."""
