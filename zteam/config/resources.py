@@ -1,6 +1,7 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
 import os
+import re
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -84,12 +85,25 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> byte
     return data
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def load_yaml(text: str | bytes) -> Any:
+    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
+
+    Raises yaml.YAMLError, ValueError and RecursionError.
+    """
     import yaml  # slow to import
 
+    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    number = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    return yaml.load(text, loader)
+
+
+def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
+    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+    import yaml
+
     try:
-        return yaml.safe_load(read_file(path, what, most, error))
+        return load_yaml(read_file(path, what, most, error))
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
         raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
 

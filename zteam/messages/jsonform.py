@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from zteam.config.resources import load_yaml
 from zteam.errors import UsageError
 from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
@@ -72,7 +73,7 @@ def _read(kind: type[Message], text: str) -> Any:
     import yaml
 
     try:
-        return yaml.safe_load(text)
+        return load_yaml(text)
     except RecursionError:
         raise UsageError(f"{kind.__name__}: it is nested too deeply") from None
     except (yaml.YAMLError, ValueError) as error:

@@ -6,16 +6,17 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
-from typing import Literal
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.map_files import FREE
-from zteam.config.numbers import Count, Positive
+from zteam.config.numbers import Count, NotNegative, Positive, Share
 from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import FAR, Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
 from zteam.navigation.planning import likelihood
@@ -45,42 +46,48 @@ _MOST_DEVIATION = 0.5
 class AmclOptions(CheckedOptions, frozen=True):
     """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for those that cannot work."""
 
-    alpha1: float = 0.2
-    alpha2: float = 0.2
-    alpha3: float = 0.2
-    alpha4: float = 0.2
-    alpha5: float = 0.2
+    alpha1: NotNegative = 0.2
+    alpha2: NotNegative = 0.2
+    alpha3: NotNegative = 0.2
+    alpha4: NotNegative = 0.2
+    alpha5: NotNegative = 0.2
     max_beams: Count = 60
     min_particles: Count = 500
     max_particles: Count = 2000
-    update_min_d: float = 0.25
-    update_min_a: float = 0.2
-    z_hit: float = 0.5
-    z_rand: float = 0.5
+    update_min_d: NotNegative = 0.25
+    update_min_a: NotNegative = 0.2
+    z_hit: Annotated[float, msgspec.Meta(ge=0.01, le=1.0)] = 0.5
+    z_rand: Share = 0.5
     sigma_hit: Positive = 0.2
     laser_likelihood_max_dist: Positive = 2.0
-    laser_max_range: float = 100.0
-    """Metres; a longer beam, or one of the laser's range_max, says nothing."""
-    pf_err: Positive = 0.05
-    pf_z: float = 0.99
-    recovery_alpha_slow: float = 0.0
-    recovery_alpha_fast: float = 0.0
+    laser_max_range: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 100.0
+    """Metres; a longer beam, or one of the laser's range_max, says nothing. 0 or less: range_max alone counts."""
+    pf_err: Annotated[float, msgspec.Meta(ge=1e-3, le=1.0)] = 0.05
+    pf_z: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.99
+    recovery_alpha_slow: Share = 0.0
+    recovery_alpha_fast: Share = 0.0
     resample_interval: Count = 1
-    robot_model_type: Literal["nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"] = (
-        "nav2_amcl::DifferentialMotionModel"
-    )
-    matched_share: float = 0.15
+    robot_model_type: Literal[
+        "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel", "differential", "omnidirectional"
+    ] = "nav2_amcl::DifferentialMotionModel"
+    """The short names are those of Nav2 until Galactic."""
+    matched_share: Share = 0.15
     """Share of the particles that are put where the scan fits best, near the heaviest one; 0 is plain amcl, which takes
     many updates to follow a turn that odometry did not see."""
-    global_particles: int = 25_000
+    global_particles: Count = 25_000
     """Poses that are tried with each scan while the robot may be anywhere."""
-    teammate_margin: float = 0.1
+    teammate_margin: NotNegative = 0.1
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.min_particles > self.max_particles:
             raise ValueError(f"min_particles {self.min_particles} is above max_particles {self.max_particles}")
+
+    @property
+    def farthest(self) -> float:
+        """Metres up to which a beam counts that met something."""
+        return self.laser_max_range if self.laser_max_range > 0.0 else FAR
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:
@@ -106,7 +113,7 @@ def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions
     last = len(scan.ranges) - 1
     count = min(options.max_beams, last + 1)
     chosen = np.arange(count) * last // max(1, count - 1)
-    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.laser_max_range, chosen)
+    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.farthest, chosen)
     met &= ~on_teammates(ends, teammates, options.teammate_margin + min(_MOST_DEVIATION, deviation))
     return ends[met]
 
@@ -142,7 +149,7 @@ class Amcl:
         Until it is found, each scan is an update, and the particles are the places where it may be (GlobalSearch).
         """
         self._begin(self._anywhere(self.options.max_particles, _SPREAD, self._spreads))
-        self._search = GlobalSearch(self._grid, self.options.laser_max_range)
+        self._search = GlobalSearch(self._grid, self.options.farthest)
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     @property
@@ -215,7 +222,7 @@ class Amcl:
 
     def _move(self, before: Pose2, after: Pose2) -> None:
         draws = _normals(self._state(_MOVE, self._count), len(self._poses))
-        move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
+        move = move_omnidirectional if "omni" in self.options.robot_model_type.lower() else move_differential
         options = self.options
         alphas = options.alpha1, options.alpha2, options.alpha3, options.alpha4, options.alpha5
         move(self._poses, before, after, alphas, draws)
@@ -237,7 +244,7 @@ class Amcl:
                 z_rand=options.z_rand,
                 sigma_hit=options.sigma_hit,
                 max_dist=options.laser_likelihood_max_dist,
-                range_max=min(range_max, options.laser_max_range),
+                range_max=min(range_max, options.farthest),
             )
             self._field = range_max, field
         return self._field[1]

@@ -8,10 +8,11 @@ import math
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.numbers import NotNegative
+from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.kernels import navigation as kernels
@@ -136,14 +137,14 @@ class Field:
         return (moved if moved_cost < cost else corners) - 1
 
 
-class AStarOptions(msgspec.Struct, frozen=True):
+class AStarOptions(CheckedOptions, frozen=True):
     """Parameters; names that Nav2's planners have are theirs."""
 
-    tolerance: float = 0.5
+    tolerance: NotNegative = 0.5
     """Metres from the goal at which a path may end, if the goal itself cannot be reached (NavfnPlanner)."""
     allow_unknown: bool = True
     """Whether a path may lead through cells without information (NavfnPlanner)."""
-    clearance: float | None = None
+    clearance: NotNegative | None = None
     """Metres from the middle of the robot to obstacles on a path; None: half of its width, and half a cell. It is at
     least the inscribed radius, and at most the costmap's inflation radius."""
 

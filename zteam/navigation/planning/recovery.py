@@ -2,8 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
+import msgspec
+
+from zteam.config.numbers import NotNegative, Positive, Seconds
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, Velocity, normalize_angle
 from zteam.navigation.planning.controller import time_to_collision
@@ -20,24 +23,26 @@ class RecoveryOptions(CheckedOptions, frozen=True):
 
     behaviors: tuple[Behavior, ...] = get_args(Behavior)
     """In this order, again and again."""
-    number_of_retries: int = 8
+    number_of_retries: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 8
     """Behaviours after which it gives up: two rounds of all four."""
-    progress_radius: float = 1.0
+    progress_radius: NotNegative = 1.0
     """Metres from the place of the last behaviour, from which on all may be tried again."""
-    wait_duration: float = 2.0
+    wait_duration: Seconds = 2.0
     """Seconds."""
-    clear_distance: float = 2.0
+    clear_distance: NotNegative = 2.0
     """Metres around the robot."""
-    backup_dist: float = 0.3
-    backup_speed: float = 0.15
-    spin_dist: float = 1.57
+    backup_dist: NotNegative = 0.3
+    backup_speed: Positive = 0.15
+    spin_dist: NotNegative = 1.57
     """Radians."""
-    rotational_vel: float = 1.0
-    simulate_ahead_time: float = 1.0
+    rotational_vel: Positive = 1.0
+    max_rotational_vel: Positive = 100.0
+    """Nav2's bound of `rotational_vel`."""
+    simulate_ahead_time: Seconds = 1.0
     """Seconds ahead in which a motion must not touch an obstacle."""
-    time_allowance: float = 10.0
+    time_allowance: Seconds = 10.0
     """Seconds after which a motion ends, however far it came."""
-    stopped_allowance: float = 1.0
+    stopped_allowance: Seconds = 1.0
     """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
 
 
@@ -107,7 +112,7 @@ class Recovery:
         self._last_yaw = pose.yaw
         if self._turned >= self.options.spin_dist:
             return None
-        rate = self.options.rotational_vel
+        rate = min(self.options.rotational_vel, self.options.max_rotational_vel)
         return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap)
 
     def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:

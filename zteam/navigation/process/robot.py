@@ -13,7 +13,7 @@ from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
-from zteam.navigation.process.navigator import STOP, Navigator
+from zteam.navigation.process.navigator import STOP, Navigator, slow_down
 from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
@@ -26,7 +26,7 @@ class RobotNavigation:
 
     def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
         self.inputs, self.outputs = inputs, outputs
-        self._parameters, self._seed = parameters, seed
+        self._parameters, self._seed, self._limits = parameters, seed, parameters.limits
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, parameters.make_controller(inputs.base))
         self._costmaps: Costmaps | None = None
@@ -78,7 +78,7 @@ class RobotNavigation:
         self._take_initial_pose()
         self._take_goal()
         here = self._localise(now, seconds, robots)
-        self._command = self._move(now, here)
+        self._command = slow_down(self._move(now, here), self._command, self._limits, seconds)
         self.outputs.drive(now, self._command, active=self.navigator.active)
         if self._costmaps is not None:
             self.outputs.show(now, self.navigator, None if here is None else here.pose, self._costmaps)

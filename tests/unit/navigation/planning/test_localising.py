@@ -8,7 +8,7 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.navigation import find_cluster
-from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, kld_limits, move_differential
+from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, choose_beams, kld_limits, move_differential
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import read_options
 from zteam.navigation.planning.scans import Scan, Teammate
@@ -125,6 +125,16 @@ def test_beams_on_a_teammate_say_nothing(deviation: float, mate: Teammate, is_le
         localiser.update(Pose2(0.0, 0.0, 0.0), scan, mates)
         found.append(localiser.particles.tobytes())
     assert (found[0] == found[1]) is is_left_out
+
+
+@pytest.mark.parametrize(("far", "used"), [(100.0, 60), (0.0, 60), (-1.0, 60), (0.5, 0)])
+def test_a_largest_range_of_0_or_less_is_the_scans_own(far: float, used: int) -> None:
+    """As in amcl: all beams count that met something, also of a laser without a range_max."""
+    scan = look(make_hall(), Pose2(3.0, 2.0, 0.0))._replace(range_max=math.inf)
+    options = AmclOptions(laser_max_range=far)
+    assert len(choose_beams(scan, (), options, None)) == used
+    nothing = scan._replace(ranges=np.full_like(scan.ranges, np.inf))
+    assert len(choose_beams(nothing, (), options, None)) == 0
 
 
 def test_without_errors_particles_move_as_odometry_does() -> None:

@@ -15,7 +15,7 @@ from zteam.messages import Header, LaserScan, NavigationState, RobotDriver, Robo
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
-from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin
+from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin, SmootherOptions
 from zteam.navigation.process.inputs import Inputs
 from zteam.navigation.process.navigator import STOP
 from zteam.navigation.process.robot import NO_MAP, RobotNavigation
@@ -360,6 +360,18 @@ class Creep:
     def command(self, costmap, pose, velocity, seconds):
         return Velocity(self.speed)
 """
+
+
+def test_no_controller_is_faster_than_the_limits_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the velocity smoother hold for a package's controller too: in speed, and in speeding up."""
+    install(tmp_path, "acme", "[zteam.controllers]\ncreep = acme_creep:Creep\n", {"acme_creep": CREEP})
+    monkeypatch.syspath_prepend(tmp_path)
+    limits = {"max_velocity": (0.25, 0.0, 1.0), "min_velocity": (-0.15, 0.0, -1.0), "max_accel": (1.0, 0.0, 1.0)}
+    for speed, driven in ((0.9, [0.1, 0.2, 0.25, 0.25]), (-0.9, [-0.1, -0.15, -0.15, -0.15])):
+        robot = Robot(controller_plugin=Plugin("creep", {"speed": speed}), smoother=SmootherOptions(**limits))
+        robot.robot.set_map(box())
+        robot.go(2.0)
+        assert [robot.step().x for _ in range(4)] == pytest.approx(driven)
 
 
 def test_the_controller_of_a_package_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,6 +119,16 @@ def test_all_mistakes_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
     ]
 
 
+def test_parameters_of_navigation_are_told_with_the_file_that_has_them(tmp_path: Path) -> None:
+    """Numbers out of bounds, in the team file and in a parameter file, before anything starts."""
+    (tmp_path / "own.yaml").write_text("amcl: {ros__parameters: {alpha1: -1.0, laser_max_range: -1.0}}")
+    table = 'navigation = { params = "own.yaml", amcl.max_particles = 2_000_000_000, amcl.z_hit = 0.4 }\n'
+    with pytest.raises(ConfigError) as error:
+        check(tmp_path, f"{ARENA}{table}")
+    told = [line.partition("navigation: ")[2] for line in str(error.value).splitlines()]
+    assert [line.partition(": a ")[0] for line in told] == ["own.yaml: amcl.alpha1", "amcl.max_particles"]
+
+
 def test_a_right_team_passes_and_names_its_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The user's behaviours are imported from beside the team file and from the current folder; a world of the command
     line replaces the file's."""
