@@ -17,8 +17,8 @@ from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
 
-DARK = 127
-"""A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
+DARK = 127.5
+"""A pixel is occupied if its first channel is below this: Stage's fixed threshold; map_server's 205 is free."""
 
 BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
@@ -41,11 +41,16 @@ Surface = tuple[float, bool, str]
 
 
 def read_bitmap(path: Path) -> Grid:
-    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; a pixel that is more transparent than not
+    is free, as in a viewer with a white ground. Stage does not look at alpha; no world of its own tells the difference.
 
     Raises WorldError, as `read_channels` does.
     """
-    return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
+    pixels = read_channels(path)[::-1]
+    occupied = pixels[:, :, 0] < DARK
+    if pixels.shape[2] in (2, 4):
+        occupied &= pixels[:, :, -1] > DARK
+    return np.ascontiguousarray(occupied)
 
 
 def occupied_box(occupied: Grid) -> Box | None:

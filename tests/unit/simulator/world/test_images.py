@@ -23,7 +23,7 @@ PALETTE = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
 PALETTE.putpalette([255, 0, 0, 0, 255, 255])
 PLAIN = Image.fromarray(np.array([[0, 127, 128], [205, 255, 1]], np.uint8))
 EVEN = Image.fromarray(np.repeat(np.array([[0], [255]], np.uint8), 8, axis=0).repeat(8, axis=1))
-COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0]]], np.uint8))
+COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 230], [0, 0, 0, 0]]], np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -36,6 +36,7 @@ COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0,
         ("deep.pgm", b"P5 2 1 65535\n" + DEEP.astype(">u2").tobytes(), [[True, False]]),
         ("first channel.png", COLORS, [[True, False, True, False]]),
         ("palette.png", PALETTE, [[False, True]]),
+        ("clear.png", Image.fromarray(np.array([[[0, 127], [0, 128], [255, 255]]], np.uint8)), [[False, True, False]]),
         ("bits.png", Image.fromarray(np.array([[True, False]])), [[False, True]]),
     ],
 )
@@ -43,7 +44,7 @@ def test_dark_pixels_are_occupied(
     tmp_path: Path, name: str, image: Image.Image | bytes, occupied: list[list[bool]]
 ) -> None:
     """127 is, 128 and map_server's unknown 205 are not; the last row becomes row 0. A PGM has its own maximum. Of deep
-    images the upper byte counts, of colours the first channel and not alpha, of palettes the colours."""
+    images the upper byte counts, of colours the first channel, of palettes the colours. A transparent pixel is free."""
     if isinstance(image, bytes):
         (tmp_path / name).write_bytes(image)
     else:
