@@ -12,7 +12,7 @@ from zteam.cli.options import Parser, add_log_options, add_option, run_tool
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
@@ -37,7 +37,7 @@ def build_parser() -> Parser:
     scan = parser.add_verb("scan", _scan, "print what the lasers of one robot measure")
     robot, text = (0, MAX_ROBOT_ID, "a robot id"), "robot id: its place in the file"
     add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
-    pose, text = (-1e6, 1e6, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
+    pose, text = (-FAR, FAR, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
     add_option(scan, "--pose", typed=pose, nargs=3, metavar=("X", "Y", "YAW_DEG"), help=text)
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")

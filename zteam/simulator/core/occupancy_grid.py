@@ -45,7 +45,7 @@ def map_metadata(world: World, resolution: float) -> MapMetaData:
     # A world may be empty: its robots come later.
     corners = [robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]
     low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
-    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
+    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-6)
     if columns * rows > MAX_CELLS:
         coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
         raise UsageError(
@@ -83,7 +83,8 @@ def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y
 def _thickness(polygon: np.ndarray) -> float:
     """About the width of something long."""
     around = np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum()
-    return 2.0 * abs(signed_area(polygon.tolist())) / float(around)
+    # Far from the origin, the products of coordinates would be rounded to square metres.
+    return 2.0 * abs(signed_area((polygon - polygon[0]).tolist())) / float(around)
 
 
 def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,12 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Point2, Pose2, in_polygon
+from zteam.geometry import FAR, Point2, Pose2, in_polygon
 from zteam.simulator.world.model import Floorplan, Robot, Shape, World
 
 Floats = NDArray[np.float64]
-REACH = 1e6
-"""Metres from the origin of `map` to the end of an open world."""
 WALL_RIM = 0.05
 """Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
 touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
@@ -91,8 +89,8 @@ def place_points(pose: Pose2, points: Floats) -> Floats:
 
 def _find_outside(world: World, pose: Pose2) -> str:
     """A world is open if a robot of its own starts beyond its bounds, or if it has neither a robot nor a bitmap."""
-    if not max(abs(pose.x), abs(pose.y)) <= REACH:
-        return f"would stand outside of the world, which ends {REACH:g} m from its origin"
+    if not max(abs(pose.x), abs(pose.y)) <= FAR:
+        return f"would stand outside of the world, which ends {FAR:g} m from its origin"
     bounds = find_bounds(world)
     if bounds is None or not (world.robots or world.floorplans):
         return ""

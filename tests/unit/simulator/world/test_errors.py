@@ -23,7 +23,7 @@ from zteam.world import load_world
         ("position ( size [1 1] )", r"1:12: size takes 3 numbers, not 2"),
         ("position ( size 1 )", r"1:12: size takes 3 numbers, not 1"),
         ("position ( size [-1 1 1] )", r"1:12: size must not be negative"),
-        ("position ( size [1e7 1 1] )", r"1:12: size: 1e\+07 m is too large"),
+        ("position ( size [1e9 1 1] )", r"1:12: size: 1e\+09 m is too large"),
         ('position ( size "big" )', r"1:12: size takes 3 numbers, not 1"),
         ('position ( size ["a" 1 1] )', r"1:12: size takes numbers, not the string 'a'"),
         ("position ( pose [1 2 3] )", r"1:12: pose takes 4 numbers, not 3"),
