@@ -72,7 +72,7 @@ def _load_team(args: argparse.Namespace) -> "Team | None":
 def _add_simulator(parser: Parser) -> None:
     """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
-    add_options(parser, SimOptions, "seed", "map_resolution", "has_map")
+    add_options(parser, SimOptions, "seed", "has_map")
     robots = parser.add_argument_group("robots")
     text = "add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57"
     add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text, type=option_type(_parse_addition))
@@ -83,7 +83,7 @@ def _add_simulator(parser: Parser) -> None:
     add_options(time, SimOptions, "run_for", "until", "speed", "paused")
     time.add_argument("--lockstep", action="store_true", help="begin a tick when every participant has answered")
     add_options(time, LockStepOptions)
-    add_options(parser.add_argument_group("contacts and sensors (docs/simulator.md)"), Options)
+    add_options(parser.add_argument_group("contacts, sensors and the map (docs/simulator.md)"), Options)
 
 
 def _simulation_options(args: argparse.Namespace) -> Options:

@@ -43,7 +43,9 @@ def picture(kind: str, folder: Path) -> tuple[str, Pixels]:
     return name, found
 
 
-def map_servers(pixel: tuple[float, float, float, float | None], mode: str, negate: bool, low: float, high: float) -> int:
+def map_servers(
+    pixel: tuple[float, float, float, float | None], mode: str, negate: bool, low: float, high: float
+) -> int:
     """The cell of a pixel as nav2_map_server's map_io.cpp describes it, one at a time."""
     *channels, alpha = pixel
     if mode == "trinary" and alpha is not None:

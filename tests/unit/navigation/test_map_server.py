@@ -66,7 +66,7 @@ def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
     """A map whose numbers do not fit is no map, and one in another frame is none of `map`."""
     with pytest.raises(UsageError, match="the map has 0 values for 0 x 0 cells"):
         map_grid(OccupancyGrid())
-    with pytest.raises(UsageError, match="the map is in the frame 'odom', not 'map'"):
+    with pytest.raises(UsageError, match="in the frame 'odom'"):
         map_grid(msgspec.structs.replace(map_message(grid), header=Header(frame_id="/odom")))
     nowhere = Pose(Point(math.nan, 0.0, 0.0))
     for field, value, text in (

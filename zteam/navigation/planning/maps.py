@@ -87,7 +87,7 @@ def map_grid(message: OccupancyGrid, *, any_frame: bool = False) -> GridMap:
     info, origin = message.info, planar(message.info.origin)
     frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
     if frame != names.MAP_FRAME and not any_frame:
-        raise UsageError(f"the map is in the frame {frame!r}, not {names.MAP_FRAME!r}: publish it in {names.MAP_FRAME!r}")
+        raise UsageError(f"it is in the frame {frame!r:.60}: publish it in {names.MAP_FRAME!r}")
     # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
     resolution = float(str(np.float32(info.resolution)))
     if not message.data.size == info.width * info.height > 0:

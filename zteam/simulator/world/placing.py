@@ -9,10 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.errors import UsageError
 from zteam.geometry import FAR, Point2, Pose2, in_polygon
+from zteam.messages import MapMetaData, Point, Pose
 from zteam.simulator.world.model import Floorplan, Robot, Shape, World
 
 Floats = NDArray[np.float64]
+MAX_MAP_CELLS = 64_000_000
+"""A byte each: the message stays below the bus's largest payload."""
 WALL_RIM = 0.05
 """Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
 touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
@@ -60,6 +64,23 @@ def find_bounds(world: World) -> tuple[Floats, Floats] | None:
     """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
     corners = [*map(plan_corners, world.floorplans), *standing_polygons(world)]
     return (np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)) if corners else None
+
+
+def map_metadata(world: World, resolution: float, most: float = math.inf) -> MapMetaData:
+    """Origin and size of the map of everything that stands still. Raises UsageError for more than `most` cells."""
+    # A world may be empty: its robots come later.
+    corners = [robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]
+    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
+    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-6)
+    if columns * rows > most:
+        # Two digits, rounded up.
+        enough = float(f"{1.05 * resolution * math.sqrt(columns * rows / most):.2g}")
+        raise UsageError(
+            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
+            f"cell: say map_resolution = {enough:g} in [simulation] of the team file, or --map-resolution {enough:g}"
+        )
+    origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
+    return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
 
 def standing_polygons(world: World) -> list[Floats]:
