@@ -1,26 +1,32 @@
-"""`zteam world check | show | scan FILE`: check and draw a world file, print a robot's scans in it."""
+"""`zteam world check | show | scan | new FILE`: check and draw a world file, print a robot's scans in it; make one of a
+picture."""
 
 import argparse
 import math
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from zteam.cli.options import Parser, add_log_options, add_option, run_tool
+from zteam.config.foreign_files import PICTURE_FILE, refuse_foreign
+from zteam.config.map_files import MAX_RESOLUTION
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
-from zteam.errors import UsageError
+from zteam.config.simulation_options import Options
+from zteam.errors import UsageError, ZteamError
 from zteam.geometry import FAR, Pose2
 from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.node.output import print_json, print_line
 from zteam.simulator.world import Robot, World, load_world
+from zteam.simulator.world.builder import ERRATIC
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
-from zteam.simulator.world.placing import find_misplaced
+from zteam.simulator.world.placing import MAX_MAP_CELLS, find_misplaced, find_places
 
 if TYPE_CHECKING:
     from zteam.simulator.core import RobotObservation
@@ -43,14 +49,62 @@ def build_parser() -> Parser:
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
         add_log_options(sub, "warning")
+    new = parser.add_verb(
+        "new", _new, "make a world file and a team file of a picture of a floor plan", add_log_options
+    )
+    new.add_argument("picture", type=Path, metavar="PICTURE", help="PNG, PGM, BMP, JPEG or GIF: dark pixels are walls")
+    cell = (1e-6, MAX_RESOLUTION, "metres a pixel")
+    add_option(new, "--resolution", typed=cell, required=True, metavar="METRES", help="of a pixel, such as 0.05")
+    robots = (1, MAX_ROBOT_ID + 1, "a number")
+    add_option(new, "--robots", typed=robots, default=4, metavar="N", help="robots in its free room (default: 4)")
+    new.add_argument("-o", "--output", type=Path, metavar="FILE.world", help="default: beside the picture, as its name")
+    new.add_argument("--force", action="store_true", help="overwrite files")
     for sub in (check, scan):
         sub.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
 
 def _run(args: argparse.Namespace) -> int:
+    if args.verb == "new":
+        return _new(args)
     code: int = args.act(args, load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps))
     return code
+
+
+def _new(args: argparse.Namespace) -> int:
+    """Write a world of the whole picture with robots in it, and a team of them that wanders."""
+    from zteam.cli.new import TEMPLATES, fill, write_files
+    from zteam.simulator.world.bodies import read_bitmap
+
+    picture, metres, robots = args.picture, args.resolution, args.robots
+    world = args.output or picture.parent / f"{picture.stem}.world"
+    name = picture.name if picture.parent.resolve() == world.parent.resolve() else str(picture.resolve())
+    if world.suffix != ".world" or not (name + world.name).isprintable() or set(name + world.name) & set('"\\'):
+        raise UsageError(f"-o {world}: give a name FILE.world, for a picture whose name has no quotes")
+    refuse_foreign(picture, "a picture", UsageError, PICTURE_FILE)
+    occupied = read_bitmap(picture)
+    height, width = (round(count * metres, 9) for count in occupied.shape)
+    places = find_places(occupied, metres, robots)
+    if len(places) < robots:
+        text = (
+            f"free room for {len(places)} of {robots} robots: dark pixels are walls, and it is {width:g} x {height:g} m"
+        )
+        raise UsageError(f"{picture}: {text}; give another --resolution, or fewer --robots")
+    cell = max(Options().map_resolution, float(f"{1.05 * math.sqrt(width * height / MAX_MAP_CELLS):.2g}"))
+    words = {
+        "picture": name, "metres": f"{metres:g}", "width": width, "height": height, "x": width / 2, "y": height / 2,
+        "erratic": ERRATIC, "robots": "\n".join(f"erratic ( pose [{x!r} {y!r} 0 0] )" for x, y in places),
+        "world": world.name, "last": robots - 1, "cell": cell,
+    }  # fmt: skip
+    files = world, world.with_suffix(".toml")
+    texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
+    try:
+        write_files(texts, overwrite=args.force)
+    except OSError as error:
+        raise ZteamError(f"cannot write {error.filename or world}: {error.strerror or error}") from None
+    print_line(f"wrote {' and '.join(map(str, files))}: {width:g} x {height:g} m, {counted(robots, 'robot')}")
+    print_line(f"next: zteam up {quote(str(files[1]))} --view")
+    return 0
 
 
 def _check(args: argparse.Namespace, world: World) -> None:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.foreign_files import MAP_FILE, refuse_foreign
 from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
@@ -131,6 +132,7 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
+    refuse_foreign(path, "a map of map_server", WorldError, MAP_FILE)
     fields = read_yaml(path, "map", MAX_BYTES, WorldError)
     if isinstance(fields, dict):
         # YAML 1.1 reads `on` and 1 as other keys than texts.

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any, NoReturn
 
+from zteam.config.foreign_files import refuse_foreign
 from zteam.errors import UsageError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -52,6 +53,8 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
     """
     text = str(text)
     found = existing_file(folder / text) or shipped_team(text)
+    if found is not None:
+        refuse_foreign(found, "a team file", UsageError)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
     return found or _refuse(folder / text, text, "team", teams_folder(), ".toml")

@@ -249,6 +249,8 @@ def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
             floor = read_floor_map(path) if is_floor_map(path) else None
             occupied = read_bitmap(path) if floor is None else floor.occupied
         except WorldError as error:
+            if is_floor_map(Path(reader.entity.place.file)):  # a world by itself, which the error names
+                raise
             reader.fail("bitmap", str(error))
         if reading == "crop" and floor is None:
             bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)

@@ -27,9 +27,8 @@ WHEEL_SEPARATION = 0.3
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 MAX_INTERVAL_MS = 60_000
-BUILT_IN = """
-# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
-# the body, so that robots see each other.
+ERRATIC = """
+# The laser is lowered into the body, so that robots see each other.
 define erratic position
 (
   size [0.35 0.35 0.25]
@@ -38,6 +37,7 @@ define erratic position
   ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
 )
 """
+"""The default robot: `add_robot` makes it of "erratic" in a world without such a macro."""
 
 
 def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
@@ -274,7 +274,7 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
+    built_in = parse_text(ERRATIC, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
     templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
     if model not in templates:
         known = ", ".join(sorted(templates))

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.map_files import Grid
 from zteam.errors import UsageError
 from zteam.geometry import FAR, Point2, Pose2, in_polygon
 from zteam.messages import MapMetaData, Point, Pose
@@ -17,6 +18,8 @@ from zteam.simulator.world.model import Floorplan, Robot, Shape, World
 Floats = NDArray[np.float64]
 MAX_MAP_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
+START_ROOM = 0.6
+"""Metres of the free square in which a robot starts."""
 WALL_RIM = 0.05
 """Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
 touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
@@ -47,6 +50,24 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
             if points is not None and any(_heights_overlap(shape, own) and _overlap(points, at) for own, at in body):
                 return f"would stand in {name}"
     return ""
+
+
+def find_places(occupied: Grid, cell: float, count: int) -> list[Point2]:
+    """At most `count` places for robots, all over the free room of a bitmap with square cells of `cell` metres: x, y
+    from its lower left corner. Room that is open to the edge is taken only if there is not enough inside."""
+    from PIL import Image, ImageDraw
+
+    # In free squares, of which there are never so many that filling takes long.
+    side = max(1, math.ceil(START_ROOM / cell), max(occupied.shape) // 1000)
+    rows, columns = (length // side for length in occupied.shape)
+    free = ~occupied[: rows * side, : columns * side].reshape(rows, side, columns, side).any(axis=(1, 3))
+    # Filling has no effect on an image that is the array itself.
+    image = Image.fromarray(np.pad(free, 1, constant_values=True).astype(np.uint8)).copy()
+    ImageDraw.floodfill(image, (0, 0), 2)
+    inside = np.asarray(image)[1:-1, 1:-1] == 1
+    found = np.argwhere(inside if np.count_nonzero(inside) >= count else free)
+    chosen = found[np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int)]
+    return [(x, y) for y, x in ((chosen + 0.5) * (side * cell)).round(6).tolist()]
 
 
 def find_misplaced(world: World) -> Iterator[tuple[int, str]]:

@@ -42,9 +42,10 @@ def run_team(
     """Run a team file or shipped team in this process, in lock-step and as fast as possible; the report of the run.
 
     The run ends `seconds` simulated seconds after GO, or before tick `until`. `seed`, `world` and `map_resolution` (m a
-    cell) replace those of the team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the first tick waits for them.
-    `arguments` are the team file's, by name. With `bus`, such as `BusOptions.from_environment()`, tools and other
-    processes find the team there while it runs. `chaos` is a plan of faults, which are in the report.
+    cell) replace those of the team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the
+    first tick waits for them. `arguments` are the team file's, by name. With `bus`, such as
+    `BusOptions.from_environment()`, tools and other processes find the team there while it runs. `chaos` is a plan of
+    faults, which are in the report.
 
     Raises what ended a node of the team: an error of a behaviour or of an own node ends the run. Called in the main
     thread, it takes SIGINT and SIGTERM; Ctrl+C ends the run in order and raises KeyboardInterrupt.

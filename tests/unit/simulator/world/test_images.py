@@ -146,7 +146,8 @@ def test_a_world_in_the_grid_of_a_country_is_the_same_one(tmp_path: Path, physic
     for x, y in ((0.0, 0.0), (32_455_123.0, 5_411_932.0)):
         write_map(tmp_path, origin=[x, y, 0.0])
         (tmp_path / "x.world").write_text(
-            f'physics "{physics}"\nmodel ( bitmap "floor.yaml" )\nmodel ( size [0.1 1 1] pose [{x + 1.5} {y + 0.5} 0 20] )\n'
+            f'physics "{physics}"\nmodel ( bitmap "floor.yaml" )\n'
+            f"model ( size [0.1 1 1] pose [{x + 1.5} {y + 0.5} 0 20] )\n"
             f"position ( size [0.2 0.2 0.2] pose [{x + 0.3} {y + 0.25} 0 0]\n"
             "ranger ( pose [0 0 -0.1 0] sensor ( range [0 30] fov 180 samples 61 ) ) )"
         )

@@ -218,7 +218,9 @@ def test_a_world_too_large_for_its_map_is_told_before_the_start(tmp_path: Path) 
         "model ( size [2000 2000 1] boundary 1 noblocks 1 )\nposition ( ranger ( sensor ( samples 9 ) ) )"
     )
     text = f'[team]\nworld = "big.world"\n{ROBOT}'
-    with pytest.raises(ConfigError, match=r"team.toml: simulation.map_resolution: .* map_resolution = 0.26 .* --map-res"):
+    with pytest.raises(
+        ConfigError, match=r"team.toml: simulation.map_resolution: .* map_resolution = 0.26 .* --map-res"
+    ):
         check(tmp_path, text)
     assert mistakes_of(tmp_path, f"{text}[simulation]\nmap_resolution = 0.1\n") == ["6 simulation.map_resolution"]
     check(tmp_path, f"{text}[simulation]\nmap_resolution = 0.26\n")
