@@ -116,6 +116,9 @@ def _check(args: argparse.Namespace, world: World) -> None:
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
         _print_row("floor plan", plan["name"], f"{columns} x {rows} cells, {w:g} x {h:g} m")
+        if plan["picture"] != plan["cells"]:
+            before = "cropped from {} x {} pixels".format(*plan["picture"])
+            _print_row("", "", f'{before} to its dark ones; bitmap_reading "whole" keeps the margins')
     for obstacle in summary["obstacles"]:
         kind = "obstacle" if obstacle["mass"] is None else "pushable"
         _print_row(kind, obstacle["name"], f"at {_place(obstacle)}, {counted(obstacle['shapes'], 'shape')}")
@@ -157,6 +160,7 @@ def _summary(world: World) -> dict[str, Any]:
             {
                 "name": plan.name,
                 "cells": list(plan.occupied.shape[::-1]),
+                "picture": list(plan.picture[::-1]),
                 "cell": list(plan.cell),
                 "extent": [n * c for n, c in zip(plan.occupied.shape[::-1], plan.cell, strict=True)],
             }

@@ -115,6 +115,20 @@ def plan(*, invert: bool = False) -> Image.Image:
     return Image.fromarray(255 - pixels[:, :, 0]) if invert else Image.fromarray(pixels)
 
 
+@pytest.mark.parametrize(
+    ("reading", "cells", "is_told"),
+    [("", [160, 60], True), ('bitmap_reading "crop"', [160, 60], True), ('bitmap_reading "whole"', [200, 100], False)],
+)
+def test_check_says_that_a_bitmap_is_cropped(run: Run, reading: str, cells: list[int], is_told: bool) -> None:
+    """From what size, and how to keep the margins, which have another scale then."""
+    plan().save("plan.png")
+    Path("crop.world").write_text(f'model ( bitmap "plan.png" size [10 5 1] {reading} )')
+    (found,) = json.loads(run("zteam world check crop.world --json").out)["floorplans"]
+    assert (found["cells"], found["picture"]) == (cells, [200, 100])
+    assert ("from 200 x 100 pixels" in (text := run("zteam world check crop.world").out)) == is_told
+    assert ('bitmap_reading "whole"' in text) == is_told
+
+
 @pytest.mark.parametrize(("robots", "margin"), [(1, False), (4, False), (40, False), (80, True)])
 def test_new_makes_a_world_of_a_picture_that_a_team_runs_in(run: Run, robots: int, margin: bool) -> None:
     """All of the picture at its scale; robots with room stand inside, and in the margins where there are too many; the

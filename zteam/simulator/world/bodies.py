@@ -213,12 +213,14 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
     return *body.blocks, *(_box(x, y, x + width, y + depth, body.size.z) for (x, y), (width, depth) in places)
 
 
-def place_floorplan(body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str) -> Floorplan:
-    """A bitmap that stands still: its cells fill the box of the model's size."""
+def place_floorplan(
+    body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str, picture: tuple[int, ...]
+) -> Floorplan:
+    """A bitmap that stands still, of a picture of this shape: its cells fill the box of the model's size."""
     rows, columns = occupied.shape
     pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
     cell = body.size.x / columns, body.size.y / rows
-    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
+    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface, picture)
 
 
 def _read_color(reader: Reader) -> str:
@@ -254,7 +256,8 @@ def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
             reader.fail("bitmap", str(error))
         if reading == "crop" and floor is None:
             bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
-            occupied = occupied[bottom:top, left:right].copy()
+            whole, occupied = occupied.shape, occupied[bottom:top, left:right].copy()
+            settings.pictures[id(occupied)] = whole
         reader.add_up("bitmap", "pixels of bitmaps", occupied.size, MAX_PIXELS)
         settings.bitmaps[key] = occupied, floor
     occupied, floor = settings.bitmaps[key]

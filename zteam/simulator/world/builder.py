@@ -169,7 +169,8 @@ class Builder:
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
             map_from_body = owner_from_model.compose(body.origin.planar)
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name))
+            picture = self._settings.pictures.get(id(body.bitmap), body.bitmap.shape)
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name, picture))
         if chassis is None and body.blocks:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
@@ -204,9 +205,11 @@ class Builder:
         kind, place, sensing = reader.entity.type, reader.entity.place, MODELS
         if kind in ("block", "sensor"):
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
-        known = TYPES | frozenset(sensing)
+        known, macros = TYPES | frozenset(sensing), self._settings.macros
         if kind not in known:
-            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=MEANT)
+            if kind in macros:
+                raise place.error(f"{kind!r:.60} is defined further down, at {macros[kind]}: move its definition up")
+            hint = did_you_mean(kind, sorted(known | macros.keys()), form=MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in UNSUPPORTED:
@@ -246,7 +249,8 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    settings = Settings(path.parent, remarks, whole_bitmaps, frozenset(document.macros))
+    macros = {name: macro.place for name, macro in document.macros.items()}
+    settings = Settings(path.parent, remarks, whole_bitmaps, macros)
     settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
     reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)

@@ -27,6 +27,8 @@ from zteam.world import load_world
         ('position ( size "big" )', r"1:12: size takes 3 numbers, not 1"),
         ('position ( size ["a" 1 1] )', r"1:12: size takes numbers, not the string 'a'"),
         ("position ( pose [1 2 3] )", r"1:12: pose takes 4 numbers, not 3"),
+        ("foo ( )\ndefine foo model ( )", r"1:1: 'foo' is defined further down, at .*w\.world:2:8"),
+        ("define bar foo ( )\nbar ( )\ndefine foo model ( )", r"2:1: 'foo' is defined further down, at .*w\.world:3:8"),
         ("position ( odom_error [1 0] )", r"1:12: odom_error takes 4 numbers"),
         ("position ( velocity_bounds [1 -1 0 0 0 0 0 0] )", r"1:12: .* smallest x 1 is above the largest -1"),
         ("position ( velocity_bounds [-1 1] )", r"1:12: velocity_bounds takes 8 numbers, not 2"),
