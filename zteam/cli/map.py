@@ -57,15 +57,12 @@ def _save(args: argparse.Namespace) -> None:
             wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
         except ZteamError as error:
             raise ZteamError(f"{error}; start zteam-sim WORLD or zteam-map MAP.yaml") from None
-    grid = map_grid(found[-1], any_frame=True)
+    grid = map_grid(found[-1], any_frame=key != names.MAP)
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
-    frame, frame_id = grid.frame, found[-1].header.frame_id
-    # The files have no place for it.
-    where = "" if frame_id == names.MAP_FRAME else f", whose origin is in the frame {frame_id!r:.60}"
-    size = f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m"
-    print_line(f"{size}{where}: {', '.join(map(str, written))}")
+    frame = grid.frame
+    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
 
 
 main = partial(run_tool, build_parser, None, read=_read)

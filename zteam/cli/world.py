@@ -49,14 +49,11 @@ def build_parser() -> Parser:
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
         add_log_options(sub, "warning")
-    new = parser.add_verb(
-        "new", _new, "make a world file and a team file of a picture of a floor plan", add_log_options
-    )
+    new = parser.add_verb("new", _new, "make a world file and a team file of a picture of a plan", add_log_options)
     new.add_argument("picture", type=Path, metavar="PICTURE", help="PNG, PGM, BMP, JPEG or GIF: dark pixels are walls")
-    cell = (1e-6, MAX_RESOLUTION, "metres a pixel")
-    add_option(new, "--resolution", typed=cell, required=True, metavar="METRES", help="of a pixel, such as 0.05")
-    robots = (1, MAX_ROBOT_ID + 1, "a number")
-    add_option(new, "--robots", typed=robots, default=4, metavar="N", help="robots in its free room (default: 4)")
+    metres, number = (1e-6, MAX_RESOLUTION, "metres a pixel"), (1, MAX_ROBOT_ID + 1, "a number")
+    add_option(new, "--resolution", typed=metres, required=True, metavar="METRES", help="of a pixel, such as 0.05")
+    add_option(new, "--robots", typed=number, default=4, metavar="N", help="robots in its free room (default: 4)")
     new.add_argument("-o", "--output", type=Path, metavar="FILE.world", help="default: beside the picture, as its name")
     new.add_argument("--force", action="store_true", help="overwrite files")
     for sub in (check, scan):
@@ -77,31 +74,31 @@ def _new(args: argparse.Namespace) -> int:
     from zteam.simulator.world.bodies import read_bitmap
 
     picture, metres, robots = args.picture, args.resolution, args.robots
-    world = args.output or picture.parent / f"{picture.stem}.world"
-    name = picture.name if picture.parent.resolve() == world.parent.resolve() else str(picture.resolve())
-    if world.suffix != ".world" or not (name + world.name).isprintable() or set(name + world.name) & set('"\\'):
-        raise UsageError(f"-o {world}: give a name FILE.world, for a picture whose name has no quotes")
+    chosen = args.output or picture
+    files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
+    name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
+    if not name.isprintable() or set(name + chosen.stem) & set('"\\'):
+        raise UsageError(f"{picture}: a world file cannot hold a name with a quote: give it another one")
     refuse_foreign(picture, "a picture", UsageError, PICTURE_FILE)
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
     places = find_places(occupied, metres, robots)
     if len(places) < robots:
         text = (
-            f"free room for {len(places)} of {robots} robots: dark pixels are walls, and it is {width:g} x {height:g} m"
+            f"{picture}: {width:g} x {height:g} m with dark walls, and free room for {len(places)} of {robots} robots"
         )
-        raise UsageError(f"{picture}: {text}; give another --resolution, or fewer --robots")
+        raise UsageError(f"{text}: give another --resolution, or fewer --robots")
     cell = max(Options().map_resolution, float(f"{1.05 * math.sqrt(width * height / MAX_MAP_CELLS):.2g}"))
     words = {
         "picture": name, "metres": f"{metres:g}", "width": width, "height": height, "x": width / 2, "y": height / 2,
         "erratic": ERRATIC, "robots": "\n".join(f"erratic ( pose [{x!r} {y!r} 0 0] )" for x, y in places),
-        "world": world.name, "last": robots - 1, "cell": cell,
+        "world": files[0].name, "last": robots - 1, "cell": cell,
     }  # fmt: skip
-    files = world, world.with_suffix(".toml")
     texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
     try:
         write_files(texts, overwrite=args.force)
     except OSError as error:
-        raise ZteamError(f"cannot write {error.filename or world}: {error.strerror or error}") from None
+        raise ZteamError(f"cannot write {error.filename or chosen}: {error.strerror or error}") from None
     print_line(f"wrote {' and '.join(map(str, files))}: {width:g} x {height:g} m, {counted(robots, 'robot')}")
     print_line(f"next: zteam up {quote(str(files[1]))} --view")
     return 0
@@ -117,8 +114,8 @@ def _check(args: argparse.Namespace, world: World) -> None:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
         _print_row("floor plan", plan["name"], f"{columns} x {rows} cells, {w:g} x {h:g} m")
         if plan["picture"] != plan["cells"]:
-            before = "cropped from {} x {} pixels".format(*plan["picture"])
-            _print_row("", "", f'{before} to its dark ones; bitmap_reading "whole" keeps the margins')
+            text = 'cropped from {} x {} pixels (bitmap_reading "whole" keeps the margins)'
+            _print_row("", "", text.format(*plan["picture"]))
     for obstacle in summary["obstacles"]:
         kind = "obstacle" if obstacle["mass"] is None else "pushable"
         _print_row(kind, obstacle["name"], f"at {_place(obstacle)}, {counted(obstacle['shapes'], 'shape')}")

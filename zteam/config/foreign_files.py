@@ -37,9 +37,11 @@ _KINDS = {
 def refuse_foreign(path: Path, wanted: str, error: type[UsageError], own: str = "") -> None:
     """Raise `error` if this is a file of another program and not what is `wanted`, which may be of the kind `own`.
 
-    A file that cannot be read is none.
+    A file that cannot be read is none; nor is a pipe, which can be read only once.
     """
     try:
+        if not path.is_file():
+            return
         with path.open("rb") as file:
             head = file.read(65_536)
     except (OSError, ValueError):

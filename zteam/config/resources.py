@@ -52,9 +52,8 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
     Raises UsageError with the shipped names.
     """
     text = str(text)
+    refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
-    if found is not None:
-        refuse_foreign(found, "a team file", UsageError)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
     return found or _refuse(folder / text, text, "team", teams_folder(), ".toml")

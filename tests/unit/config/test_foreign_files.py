@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import os
 import zipfile
 from pathlib import Path
 
@@ -70,6 +71,13 @@ def test_a_file_of_another_program_is_told_as_what_it_is(tmp_path: Path, content
             read(tmp_path / name)
         message = str(caught.value)
         assert message.startswith(f"{tmp_path / name}: ") and message.count("\n") == 0
+
+
+def test_a_pipe_is_left_to_its_reader(tmp_path: Path) -> None:
+    """Looking into it would take its text away, or wait for one that never comes."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(UsageError, match="no such file"):
+        find_team(tmp_path / "pipe.toml")
 
 
 def test_what_zteam_reads_itself_is_not_foreign(tmp_path: Path) -> None:

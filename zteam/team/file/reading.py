@@ -94,12 +94,9 @@ def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
 
 def set_map_resolution(file: TeamFile, metres: float | None) -> None:
     """Let the simulator's map have cells of this size, not that of the team file; None changes nothing. Raises
-    UsageError."""
+    ValueError."""
     if metres is not None:
-        try:
-            simulation = msgspec.structs.replace(file.team.simulation, map_resolution=metres)
-        except ValueError as error:
-            raise UsageError(str(error)) from None
+        simulation = msgspec.structs.replace(file.team.simulation, map_resolution=metres)
         file.team = msgspec.structs.replace(file.team, simulation=simulation)
 
 
