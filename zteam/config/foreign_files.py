@@ -13,22 +13,23 @@ _KINDS = {
     PICTURE_FILE: ("a picture", "'zteam world new {} --resolution METRES' makes a world of it"),
     r"\A(?:PK\x03\x04|\x1f\x8b|BZh\d|7z\xbc\xaf|\xfd7zXZ|\x28\xb5\x2f\xfd|Rar!|.{257}ustar)": (
         "a packed file", "unpack it, and name the file that was in it"),
-    r"\A%PDF|\A<svg\b": ("a drawing", "save it as a PNG; then 'zteam world new PLAN.png' makes a world of it"),
+    r"\A(?:%PDF|<svg\b|AC10\d\d|0\s+SECTION)": ("a drawing", f"save it as a PNG; {_WORLDS}"),
     r"\Aversion https://git-lfs": ("a pointer of Git LFS", "get the file itself with 'git lfs pull'"),
     r"\A<html\b": ("a web page", "download the file itself (on GitHub: Raw)"),
     r"\A<(?:sdf|gazebo)\b": ("a file of Gazebo (SDF)", _WORLDS),
     r"\A<mvsim": ("a world of MVSim", _WORLDS),
     r"\A<robot\b": ("a robot's description (URDF)", "name it as the description of a robot in a team file"),
     r"\A<launch\b|\bgenerate_launch_description\b": ("a launch file of ROS", "write a team file instead"),
-    r"\A<map\b": ("a map of Tiled", "export it as a PNG; then 'zteam world new PLAN.png' makes a world of it"),
+    r"^(?:from [\w.]+ import|import [\w.]+)": ("a Python program", "name it in a team file, as a behavior or a node"),
+    r"\A<map\b": ("a map of Tiled", f"export it as a PNG; {_WORLDS}"),
     r"\A<\w": ("an XML file", _WORLDS),
-    r"\A#(?:VRML|X3D)": ("a file of Webots (VRML)", _WORLDS),
+    r"\A#(?:VRML|X3D)|^WorldInfo\s*\{": ("a file of Webots (VRML)", _WORLDS),
     r"^[ \t]*driver\s*\([^)]{0,500}\b(?:provides|plugin)\b": (
         "a configuration of Player", "name the world that it has as its worldfile"),
     MAP_FILE: ("a map of map_server", "call it *.yaml; a team file takes it as its world or its map"),
     r"^world:": ("a world of IR-SIM", _WORLDS),
     r"^layers:": ("a world of flatland", "name the map of one of its layers: a YAML file with image and resolution"),
-    r"\A\{": ("JSON", _WORLDS),
+    r'\A\{(?=\s*")(?!.*"image")': ("JSON", _WORLDS),
     r"\0{4}|(?:[^\0]\0){4}": ("a binary file", _WORLDS),
 }  # fmt: skip
 """What the first 64 kB of a file match, what the file is, and what to do. The first row that matches holds."""

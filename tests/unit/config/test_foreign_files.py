@@ -43,6 +43,9 @@ FILES: list[tuple[str | bytes, str]] = [
     ('<svg xmlns="http://www.w3.org/2000/svg"/>', "a drawing.*world new"),
     ("<!DOCTYPE html>\n<html><body>404</body></html>", "web page.*download"),
     ("<COLLADA/>", "XML"),
+    ("WorldInfo {\n  gravity 9.81\n}\n", "Webots"),
+    ("  0\nSECTION\n  2\nHEADER\n", "a drawing.*PNG"),
+    ('"""My robot."""\n\nfrom zteam import Behavior\n', "Python.*team file"),
     ("#VRML_SIM R2023b utf8\nWorldInfo {\n}\n", "Webots"),
     ("# a lab\nworld:\n  height: 10\nrobot:\n  - kinematics: {name: 'diff'}\nobstacle:\n  - number: 5\n", "IR-SIM"),
     ("properties: {}\nlayers:\n  - name: '2d'\n    map: 'map.yaml'\nmodels: []\n", "flatland.*image and resolution"),
@@ -81,13 +84,16 @@ def test_a_pipe_is_left_to_its_reader(tmp_path: Path) -> None:
 
 
 def test_what_zteam_reads_itself_is_not_foreign(tmp_path: Path) -> None:
-    """A macro may be called `driver`, a map is one of map_server under its own ending only, and no team file at all."""
+    """A macro may be called `driver`, a map is one of map_server under its own ending only, also as JSON, and no team
+    file at all."""
     (tmp_path / "a.world").write_text("define driver model ( size [1 1 1] )\ndriver ( pose [0 0 0 0] )\n")
     assert len(load_world(tmp_path / "a.world").obstacles) == 1
     Image.new("L", (4, 4), 255).save(tmp_path / "m.png")
     for name in ("m.yaml", "m.world", "m.toml"):
         (tmp_path / name).write_text("image: m.png\nresolution: 0.1\norigin: [0, 0, 0]\n")
     assert load_world(tmp_path / "m.yaml").floorplans[0].cell == (0.1, 0.1)
+    (tmp_path / "j.yaml").write_text('{"image": "m.png", "resolution": 0.2}')
+    assert load_world(tmp_path / "j.yaml").floorplans[0].cell == (0.2, 0.2)
     for read, name in ((load_world, "m.world"), (find_team, "m.toml")):
         with pytest.raises(UsageError, match=r"a map of map_server, .*\*\.yaml"):
             read(tmp_path / name)
