@@ -113,7 +113,7 @@ ALONE = (
     # The simulator, goals, parameters, faults, certificates.
     _usage("zteam sim step 0", "give a number of ticks from 1 to"),
     _usage("zteam sim speed fast", "speed 'fast': give simulated seconds a second from 1e-06 to 1e+06, or max"),
-    _usage("zteam sim move 0 1e308 2 0", "pose '1e308 2 0': give X Y YAW in metres and radians from -1e+06 to 1e+06"),
+    _usage("zteam sim move 0 1e308 2 0", "pose '1e308 2 0': give X Y YAW in metres and radians from -1e+08 to 1e+08"),
     _usage("zteam sim spawn --pose 0 nan 0", "pose '0 nan 0': give X Y YAW"),
     _usage("zteam sim move 0 1 1 90", "YAW 90 is more than a full turn", "90 degrees are 1.5708"),
     _usage("zteam sim move robot_3 1 1 0", "robot id 'robot_3' is not a whole number from 0 to 9999; give 3"),

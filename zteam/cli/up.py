@@ -28,7 +28,7 @@ from zteam.cli.options import (
 )
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
-from zteam.config.simulation_options import LockStepOptions, SimOptions
+from zteam.config.simulation_options import LockStepOptions, Options, SimOptions
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
 from zteam.node.output import print_block
@@ -95,7 +95,8 @@ def build_parser() -> Parser:
         "until": "end before this tick of the simulator",
     }
     add_options(parser, SimOptions, "speed", **texts)
-    parser.set_defaults(seed=None)
+    add_options(parser, Options, map_resolution="cell size of the simulator's map, metres (default: the team file's)")
+    parser.set_defaults(seed=None, map_resolution=None)
     text = (
         "give each process a certificate of this folder, by default certs, and let nothing else in (docs/security.md)"
     )
@@ -176,7 +177,7 @@ def _up(args: argparse.Namespace) -> int:
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.node.process_options import ViewOptions
-    from zteam.team.file.reading import read_team_file
+    from zteam.team.file.reading import read_team_file, set_map_resolution
     from zteam.team.file.sources import parse_arguments
     from zteam.team.launch.check import check_team, refuse_nodes
     from zteam.team.launch.plan import Pace, TeamLaunch
@@ -185,6 +186,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     if args.report:
         check_writable(Path(args.report))
     file = read_team_file(find_team(args.team), parse_arguments(args.arguments))
+    set_map_resolution(file, args.map_resolution)
     world = check_team(file, find_world(args.world) if args.world else None)
     if args.in_process and not args.bus:
         refuse_nodes(file, "say --bus too, or leave --in-process out")

@@ -24,7 +24,7 @@ def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
     place, turn = message.pose.position, message.pose.orientation
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not (abs(place.x) <= FAR and abs(place.y) <= FAR and math.isfinite(norm)):
-        return None, f"{REFUSED}it has a value that is no number, or is more than {FAR / 1e3:g} km away"
+        return None, f"{REFUSED}it has a value that is no number, or is more than {FAR / 1e3:,.0f} km away"
     if norm < _LEAST_NORM:
         return None, f"{REFUSED}its orientation is zero; use w = 1 for none"
     yaw = yaw_from_quaternion(*(part / norm for part in (turn.x, turn.y, turn.z, turn.w)))

@@ -92,6 +92,14 @@ def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
     return _read_entries(files, files.adopt(name, tables))
 
 
+def set_map_resolution(file: TeamFile, metres: float | None) -> None:
+    """Let the simulator's map have cells of this size, not that of the team file; None changes nothing. Raises
+    ValueError."""
+    if metres is not None:
+        simulation = msgspec.structs.replace(file.team.simulation, map_resolution=metres)
+        file.team = msgspec.structs.replace(file.team, simulation=simulation)
+
+
 def team_world(file: TeamFile) -> Path | None:
     """The world file that a team file asks for, None for real robots. Raises ConfigError."""
     world = file.team.team.world

@@ -20,7 +20,7 @@ from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import Robot, World
-from zteam.simulator.world.placing import find_hindrance
+from zteam.simulator.world.placing import MAX_MAP_CELLS, find_hindrance, map_metadata
 from zteam.team.file.entries import RobotEntry, behavior_of, navigation_of
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
@@ -139,8 +139,11 @@ def refuse_nodes(file: TeamFile, way_out: str) -> None:
 
 
 def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
-    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it. `robots`
-    gets all that will stand in it, by id."""
+    """A world too large for its map. Robots that the world in the file `name` does not have, that it has already, or
+    that have no room in it; `robots` gets all that will stand in it, by id."""
+    if file.team.team.map is None:
+        size = partial(map_metadata, world, file.team.simulation.map_resolution, MAX_MAP_CELLS)
+        yield from _refused(("simulation", "map_resolution"), size)
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
     robots.update(standing)
     ids = {entry.id for entry in file.robots.values()}

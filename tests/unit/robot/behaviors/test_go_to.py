@@ -126,7 +126,7 @@ def test_a_goal_that_is_repeated_counts_once_on_the_way_and_anew_at_the_goal() -
         (make_goal(math.nan, 0.0), "it has a value that is no number"),
         (make_goal(0.0, math.inf), "it has a value that is no number"),
         (make_goal(1.0, 0.0, math.nan), "it has a value that is no number"),
-        (make_goal(1e7, 0.0), "it has a value that is no number, or is more than 1000 km away"),
+        (make_goal(1e9, 0.0), "it has a value that is no number, or is more than 100,000 km away"),
         (make_goal(1.0, 0.0, frame="odom"), "its frame odom has no transform to map"),
         (make_goal(1.0, 0.0, frame=""), "it names no frame; use map"),
         (

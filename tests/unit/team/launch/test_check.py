@@ -222,6 +222,25 @@ def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
     check(tmp_path, text + 'model = "erratic"\npose = [0, 0, 0]\n')
 
 
+def test_a_world_too_large_for_its_map_is_told_before_the_start(tmp_path: Path) -> None:
+    """With the key that makes its cells larger; a team with another map, or whose run has larger cells, may start."""
+    (tmp_path / "big.world").write_text(
+        "model ( size [2000 2000 1] boundary 1 noblocks 1 )\nposition ( ranger ( sensor ( samples 9 ) ) )"
+    )
+    text = f'[team]\nworld = "big.world"\n{ROBOT}'
+    with pytest.raises(
+        ConfigError, match=r"team.toml: simulation.map_resolution: .* map_resolution = 0.26 .* --map-res"
+    ):
+        check(tmp_path, text)
+    assert mistakes_of(tmp_path, f"{text}[simulation]\nmap_resolution = 0.1\n") == ["6 simulation.map_resolution"]
+    check(tmp_path, f"{text}[simulation]\nmap_resolution = 0.26\n")
+    report = run_team(write(tmp_path, text), seconds=0.1, map_resolution=20.0)
+    assert report.ticks == 2
+    for metres in (0.0, 1e9):
+        with pytest.raises(ValueError, match="map_resolution"):
+            run_team(write(tmp_path, text), seconds=0.1, map_resolution=metres)
+
+
 @pytest.mark.ci
 def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     """The launcher stays small and fast: the check imports neither the engine nor pymunk nor the user's modules."""
