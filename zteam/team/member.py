@@ -12,7 +12,7 @@ from zteam.node import kinds
 from zteam.node.faults import log_fault, shortage_text
 from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
-from zteam.node.process_node import ClockMode, run_node
+from zteam.node.process_node import ClockMode, ProcessNode, run_node
 from zteam.node.process_options import MAX_LINE, ProcessOptions, from_line
 from zteam.node.router import run_router
 from zteam.team.parts import part_of
@@ -29,7 +29,7 @@ def main() -> int:
         if isinstance(options, RouterOptions):
             return run_router(options)
         bus = BusOptions.from_environment()
-        return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small))
+        return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small), in_team=True)
     except ZteamError as error:
         return _fail(name, str(error), error.exit_code)
     except KeyboardInterrupt:
@@ -42,9 +42,15 @@ def main() -> int:
 
 
 def run_member(
-    name: str, options: ProcessOptions, bus_options: Callable[[bool], BusOptions], clock: ClockMode | None = None
+    name: str,
+    options: ProcessOptions,
+    bus_options: Callable[[bool], BusOptions],
+    clock: ClockMode | None = None,
+    *,
+    in_team: bool = False,
 ) -> int:
-    """Be the process `name`; its exit code. `bus_options(small)` are those of its session."""
+    """Be the process `name`; its exit code. `bus_options(small)` are those of its session; `in_team`: see ProcessNode.
+    """
     # A mistake is reported before the router is waited for.
     try:
         part = part_of(options)
@@ -53,7 +59,13 @@ def run_member(
     except Exception as error:
         # In the code of a user's behaviour.
         return log_fault(error)
-    return run_node(part.name or name, bus_options(part.small), part.body, clock or part.clock, make=part.make)
+
+
+    def body(node: ProcessNode) -> None:
+        node.in_team = in_team
+        part.body(node)
+
+    return run_node(part.name or name, bus_options(part.small), body, clock or part.clock, make=part.make)
 
 
 def _fail(name: str, text: str, code: int) -> int:
