@@ -25,7 +25,20 @@ from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.output import Clean, print_block, print_line
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import STOPPED
-from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
+from zteam.robot.teleop import (
+    FIRST,
+    HELP,
+    HELP_TEXT,
+    MAX_SPEED,
+    MIN_SPEED,
+    PERIOD,
+    REPEAT,
+    TIMEOUT_BOUNDS,
+    KeyDecoder,
+    Pilot,
+    drive,
+    parse_script,
+)
 from zteam.robot.wheels import Wheels
 
 _KEYS_PERIOD = 0.05
@@ -42,6 +55,11 @@ def build_parser() -> Parser:
     bounds = (MIN_SPEED, MAX_SPEED, "a speed")
     add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
     add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
+    text = (
+        f"let a key count so long after each press or repeat, for a keyboard that repeats slowly (default: {FIRST:g} s "
+        f"after the first press, {REPEAT:g} s after a repeat)"
+    )
+    add_option(parser, "--key-timeout", typed=(*TIMEOUT_BOUNDS, "seconds"), metavar="SECONDS", help=text)
     text = "press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     parser.add_argument("--script", metavar="KEYS", help=text)
     add_clock_option(parser)
@@ -54,12 +72,14 @@ def _read(args: argparse.Namespace) -> None:
     args.ids = parse_robot_ids(args.ids, "--id")
     if args.script is not None:
         args.script = parse_script(args.script)
+        if args.key_timeout is not None:
+            raise UsageError("--key-timeout is for a keyboard: leave it out with --script")
     elif not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise UsageError("standard input and output are no terminal: give the keys with --script 'i*10 l*5 k'")
 
 
 def _teleop(args: argparse.Namespace) -> int:
-    pilot, stop = Pilot(args.ids, args.speed, args.turn), Stop()
+    pilot, stop = Pilot(args.ids, args.speed, args.turn, args.key_timeout), Stop()
     with stop.install(), ExitStack() as ends:
         try:
             bus = connect(bus_options(args), patience=PATIENCE, stopping=stop)
