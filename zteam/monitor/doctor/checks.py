@@ -291,10 +291,10 @@ def check_writers(facts: Facts) -> Iterator[Finding]:
     """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
     for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
         heard, publishers = facts.writers.get(key, ()), facts.publishers.get(key, ())
-        what = "sensors" if is_sensed(key) else "commands"
+        what, sent = ("commands", "commands") if names.CMD_VEL in key else ("sensors", "data")
         if len(heard) > 1:
             text = f"{key} has {len(heard)} writers: {', '.join(heard)}"
-            yield problem(what, text, f"end all but one: their {'data' if is_sensed(key) else 'commands'} take turns")
+            yield problem(what, text, f"end all but one: their {sent} take turns")
         elif len(publishers) > 1 and not key.endswith(f"/{names.CMD_VEL}"):
             # On cmd_vel the simulator publishes what a robot answers in lock-step.
             text = f"{key} has {len(publishers)} publishers: {', '.join(publishers)}"

@@ -391,9 +391,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(
             writers={
                 **WRITERS, "map": BOTH,
-                **{f"robot_0/{key}": BOTH for key in ("cmd_vel_teleop", "odom", "goal_pose", "tf")},
+                **{f"robot_0/{key}": BOTH for key in ("base_info", "cmd_vel_teleop", "odom", "goal_pose", "tf")},
             },
         ),
+        "problem sensors: robot_0/base_info has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
         "problem commands: robot_0/cmd_vel_teleop has 2 writers: … -> end all but one: their commands take turns",
         "problem sensors: robot_0/odom has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
     ),
