@@ -123,12 +123,46 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
             script = arguments[0] if arguments else ""
             if script.endswith(".py") and existing_file(folder / script) is None:
                 yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
-        elif not is_own(program):
-            there, where = (folder / program, f"in {folder}") if os.sep in program else (program, "on PATH")
-            # No system takes a NUL.
-            if "\0" not in program and shutil.which(there):
-                continue
-            yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
+        elif not is_own(program) and (text := _program_fault(folder, program)):
+            yield Problem(("nodes", i, "command", 0), text)
+
+
+def _program_fault(folder: Path, program: str) -> str:
+    """Why a program cannot be started in this folder, and the way out; empty if nothing is known against it."""
+    beside, is_path = folder / program, os.sep in program
+    # No system takes a NUL.
+    found = None if "\0" in program else shutil.which(beside if is_path else program)
+    by_python = f'command = ["python", "{program}", …]'
+    if found is not None:
+        return _format_fault(Path(found), by_python)
+    if is_path and is_folder(beside):
+        return f"{beside} is a folder: name the program in it"
+    if existing_file(beside) is None:
+        return f"there is no program {program!r} {f'in {folder}' if is_path else 'on PATH'}"
+    if not is_path:
+        return f'there is no program {program!r} on PATH; the file in {folder} is "./{program}", or {by_python}'
+    return f"{beside} has no right to be executed: give it with 'chmod +x', or start a script by {by_python}"
+
+
+def _format_fault(path: Path, by_python: str) -> str:
+    """Why the system does not take a file with the right to be executed as a program."""
+    try:
+        with path.open("rb") as file:
+            line = file.readline(1024)
+    except OSError:
+        # It may be executed, and not read.
+        return ""
+    if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
+        return f"{path} is a program for Windows"
+    if line.startswith(b"#!"):
+        if line.endswith(b"\r\n"):
+            return f"{path} has Windows line ends, so its first line names no program: save it with those of Unix"
+        words = os.fsdecode(line[2:]).split()
+        is_there = bool(words) and existing_file(path.parent / words[0]) is not None
+        return "" if is_there else f"the first line of {path} names a program that is not there"
+    if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
+        return f"{path} is no program: begin a script with a line such as '#!/usr/bin/env python3', or say {by_python}"
+    return ""
 
 
 def refuse_nodes(file: TeamFile, way_out: str) -> None:
