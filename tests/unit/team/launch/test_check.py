@@ -210,7 +210,7 @@ def test_a_file_that_is_no_program_is_told_as_what_it_is(
     with pytest.raises(ConfigError) as refused:
         check(tmp_path, text)
     assert way_out in str(refused.value)
-    assert str(refused.value).startswith(f"{tmp_path}/team.toml:8: nodes[0].command[0]: ")
+    assert str(refused.value).startswith(f"{tmp_path}/team.toml:7: nodes[0].command[0]: ")
 
 
 def test_a_program_that_lies_beside_the_file_is_named_by_its_path(tmp_path: Path) -> None:
