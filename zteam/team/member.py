@@ -49,8 +49,7 @@ def run_member(
     *,
     in_team: bool = False,
 ) -> int:
-    """Be the process `name`; its exit code. `bus_options(small)` are those of its session; `in_team`: see ProcessNode.
-    """
+    """Be the process `name`; its exit code. `bus_options(small)` are those of its session; `in_team`: see ProcessNode."""
     # A mistake is reported before the router is waited for.
     try:
         part = part_of(options)
@@ -59,7 +58,6 @@ def run_member(
     except Exception as error:
         # In the code of a user's behaviour.
         return log_fault(error)
-
 
     def body(node: ProcessNode) -> None:
         node.in_team = in_team

@@ -136,7 +136,15 @@ def test_a_host_that_nothing_knows_is_named() -> None:
 
 @pytest.mark.parametrize(
     ("written", "namespace"),
-    [("lab", "lab"), ("lab/", "lab"), ("/lab", "lab"), ("lab//a", "lab/a"), ("/", ""), ("", ""), ("lab/a-1_b", "lab/a-1_b")],
+    [
+        ("lab", "lab"),
+        ("lab/", "lab"),
+        ("/lab", "lab"),
+        ("lab//a", "lab/a"),
+        ("/", ""),
+        ("", ""),
+        ("lab/a-1_b", "lab/a-1_b"),
+    ],
 )
 def test_a_namespace_loses_slashes_that_separate_nothing(
     written: str, namespace: str, monkeypatch: pytest.MonkeyPatch

@@ -66,7 +66,9 @@ def test_a_browser_opens_the_page_out_of_the_terminal(monkeypatch: pytest.Monkey
     browser, told, ends = tmp_path / "browser", tmp_path / "told", tmp_path / "ends"
     os.mkfifo(told)
     os.mkfifo(ends)
-    browser.write_text(f'#!/bin/sh\n(echo "$1"; readlink /proc/self/fd/0; tty </dev/tty) >{told} 2>&1\nread _ <{ends}\n')
+    browser.write_text(
+        f'#!/bin/sh\n(echo "$1"; readlink /proc/self/fd/0; tty </dev/tty) >{told} 2>&1\nread _ <{ends}\n'
+    )
     browser.chmod(0o755)
     monkeypatch.setenv("BROWSER", str(browser))
     open_page("http://127.0.0.1:1/#token=t")

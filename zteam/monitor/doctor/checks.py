@@ -226,6 +226,9 @@ def _works_without(kind: kinds.Kind, facts: Facts) -> str:
     if kind.name == names.MONITOR and facts.statuses:
         running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
         return "all robots run, but their health is not watched" if running else ""
+    if kind.name == kinds.ROBOT and facts.sim is not None and facts.sim.robots:
+        others = all(names.robot_key(i, names.CMD_VEL) in facts.writers for i in facts.sim.robots)
+        return "other programs drive all robots of the world" if others else ""
     return ""
 
 

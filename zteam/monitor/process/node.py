@@ -132,7 +132,7 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
 
     Where a monitor runs already, or with a team size of 0, show the running one's team.
     """
-    if options.team_size == 0 or node.claim.is_taken():
+    if (options.team_size == 0 and options.ids is None) or node.claim.is_taken():
         run_view(node, options)
         return
     # Before the name is shown: robots publish their status when they see it.

@@ -40,9 +40,10 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
-    own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
+    driven = {i: entry for i, entry in file.robots.items() if entry.has_process}
+    own = {i: entry for i, entry in driven.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
     with asking([_question(entry) for entry in own.values()], file.team.folders) as answers:
-        for i, entry in file.robots.items():
+        for i, entry in driven.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
@@ -211,7 +212,7 @@ def _sensor_problems(
     """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`."""
     for i, entry in file.robots.items():
         robot = robots.get(entry.id)
-        if robot is None:
+        if robot is None or not entry.has_process:
             continue
         # No robot drives without a laser. The rest may come from a process of the user's own.
         needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]

@@ -121,6 +121,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem monitor: no process monitor -> zteam-monitor --team-size 1",
         "problem robots: none -> zteam-robot --id 0",
     ),
+    "robots that one program drives": (
+        team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), writers={**WRITERS, "robot_0/cmd_vel": ["swarm"]}, statuses={}),
+        "note robots: none: other programs drive all robots of the world -> zteam-robot --id 0",
+    ),
     "robots by number, and a team of their size": (
         Facts(nodes=nodes("robot_10", "robot_2"), writers={"robot_2/base_scan": ["x"], "robot_10/base_scan": ["x"]}),
         "note simulator: no process sim: the robots … -> zteam-sim WORLD (or real robots that publish the same …",

@@ -220,6 +220,32 @@ def test_a_program_that_lies_beside_the_file_is_named_by_its_path(tmp_path: Path
         check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["own_node.py"]\n')
 
 
+BLIND = (
+    'define dot position ( size [0.3 0.3 0.3] )\ndot ( pose [0 0 0 0] name "r0" )\ndot ( pose [2 0 0 0] name "r1" )\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("robots", "place"),
+    [
+        ("", ""),
+        ('[[robots]]\nids = "0-1"\nbehavior = "none"\n', ""),
+        ('[[robots]]\nid = 5\nbehavior = "none"\nmodel = "dot"\npose = [4, 0, 0]\n', ""),
+        ('[[robots]]\nid = 0\nbehavior = "idle"\n', "8 robots[0].behavior"),
+        ('[[robots]]\nid = 5\nbehavior = "none"\n', "7 robots[0].id"),
+    ],
+)
+def test_robots_that_a_users_program_drives_need_no_laser(tmp_path: Path, robots: str, place: str) -> None:
+    """All others do; and the world has to have them, or gets them."""
+    (tmp_path / "blind.world").write_text(BLIND)
+    node = '[[nodes]]\nname = "swarm"\ncommand = ["python", "-m", "swarm"]\n'
+    text = f'[team]\nworld = "blind.world"\n{node}{robots}'
+    if place:
+        assert mistakes_of(tmp_path, text) == [place]
+    else:
+        assert check(tmp_path, text) == tmp_path / "blind.world"
+
+
 def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Path) -> None:
     """The fixture and `run_team` name the node's line and the way out; nothing starts."""
     path = write(tmp_path, f'{ARENA}[[nodes]]\nname = "a"\ncommand = ["python"]\n')
