@@ -88,7 +88,7 @@ def test_robots_that_cannot_follow_are_told_before_go(team: TeamFixture) -> None
     circle = "robots follow each other in a circle: robot_0 -> robot_1 -> robot_0"
     for name, line in (
         (names.AGGREGATOR, "aggregator of transforms: waiting for those of the robots"),
-        ("robot_0", "robot 0, behaviour follow, behind robot_1: waiting for its data, then for the monitor's GO"),
+        ("robot_0", "robot 0, behaviour follow behind robot_1: waiting for its data, then for the monitor's GO"),
         (names.MONITOR, "start gate: waiting for robots 0, 1, then GO"),
         (names.MONITOR, "All robots GO!"),
     ):

@@ -29,7 +29,6 @@ from zteam.bus.options import (
     open_session,
     port_accepts,
     try_open,
-    unknown_host,
 )
 from zteam.bus.rights import RightCheck
 from zteam.bus.router import (
@@ -137,8 +136,12 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
 
 
 def _no_host(endpoint: str) -> str:
-    host = unknown_host(endpoint)
-    return f"no host has the name {host!r}: check --connect {endpoint}" if host else ""
+    host, port = host_port(endpoint) or ("127.0.0.1", 0)
+    try:
+        socket.getaddrinfo(host, port)
+    except (socket.gaierror, UnicodeError):
+        return f"no host has the name {host!r}: check --connect {endpoint}"
+    return ""
 
 
 class Reasons:

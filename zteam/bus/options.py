@@ -29,9 +29,11 @@ FROM_STDIN = "-"
 """`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
 process can start and import meanwhile."""
 _WITH_PORT = ("tcp", "tls", "udp", "quic", "ws")
-_ENDPOINT = re.compile(r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?P<address>[^?#]*)(?P<rest>.*)", re.DOTALL)
+_ENDPOINT = re.compile(
+    r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?P<host>\[?[\w:.%-]*?\]?)(?:(?<!:):(?P<port>[^:?#/\\]*))?[/\\]*"
+    r"(?P<rest>(?:[?#].*)?)"
+)
 """As people write it: tcp://HOST:PORT, tcp:HOST:PORT, HOST:PORT, HOST, PORT."""
-_HOST = re.compile(r"[\w:.%-]+|\[[\w:.%-]+\]")
 
 RELEASE = service_key("@router", "release")
 """Query to a router on demand, a ReleaseRequest: whether it gives its port up."""
@@ -218,38 +220,26 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     """The endpoint itself, if it can be one. Raises UsageError, with the form that is probably meant: to Zenoh an
     impossible one only is not there yet."""
     protocol, _, address = endpoint.partition("/")
-    if tls is not None and protocol in _WITH_PORT and protocol != "tls":
+    if tls is not None and protocol in (*_WITH_PORT, "unixsock-stream") and protocol != "tls":
         raise UsageError(f"endpoint {endpoint!r}: with {TLS_VARIABLES[0]} it must be tls/{address}")
-    try:
-        meant = _meant(endpoint, "tcp" if tls is None else "tls")
-    except UsageError as error:
-        raise UsageError(f"endpoint {endpoint!r}: {error}") from None
-    if meant != endpoint:
-        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {meant}")
-    return endpoint
-
-
-def _meant(endpoint: str, usual: str) -> str:
-    """The endpoint as Zenoh takes it; `usual` is the protocol of one without. Raises UsageError where it has no host
-    or no port that can be one."""
-    if re.fullmatch(r"unixsock-stream/.+", endpoint):
+    if protocol == "unixsock-stream" and address:
         return endpoint
     found = _ENDPOINT.fullmatch(re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'")))
-    assert found is not None  # All parts may be empty.
-    address = found["address"].rstrip("/\\")
-    host, colon, port = address.rpartition(":")
-    if not colon or host.endswith(":") or address.endswith("]"):
-        host, port = ("", address) if address.isdigit() else (address, DEFAULT_ENDPOINT.rpartition(":")[2])
-    host = host or "127.0.0.1"
-    if not _HOST.fullmatch(host):
-        raise UsageError(f"there is no host {host!r}; give one PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
+    if found is None:
+        raise UsageError(f"endpoint {endpoint!r}: give one PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
+    host, port = found["host"].strip("[]"), found["port"]
+    if port is None:
+        host, port = ("", host) if host.isdigit() else (host, "7447")
     try:
         parse_number(port, 0, 65535, "a port")
     except UsageError as error:
-        raise UsageError(f"port {error}") from None
-    host = f"[{host}]" if ":" in host and not host.startswith("[") else host
-    protocol = (found["protocol"] or "").lower()
-    return f"{protocol if protocol in _WITH_PORT else usual}/{host}:{port}{found['rest']}"
+        raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
+    protocol, usual = (found["protocol"] or "").lower(), "tcp" if tls is None else "tls"
+    place = f"[{host}]" if ":" in host else host or "127.0.0.1"
+    meant = f"{protocol if protocol in _WITH_PORT else usual}/{place}:{port}{found['rest']}"
+    if meant != endpoint:
+        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {meant}")
+    return endpoint
 
 
 def host_port(endpoint: str) -> tuple[str, int] | None:
@@ -268,21 +258,10 @@ def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
         return True
     try:
         socket.create_connection(address, timeout=timeout).close()
-    except OSError:
+    except (OSError, UnicodeError):
+        # UnicodeError: the name of the host is too long.
         return False
     return True
-
-
-def unknown_host(endpoint: str) -> str:
-    """The name of the host in an endpoint if nothing knows it, else empty."""
-    address = host_port(endpoint)
-    if address is not None:
-        try:
-            socket.getaddrinfo(*address)
-        except (socket.gaierror, UnicodeError):
-            # UnicodeError: a name that is too long.
-            return address[0]
-    return ""
 
 
 def check_namespace(namespace: str, source: str) -> str:

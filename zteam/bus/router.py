@@ -25,7 +25,6 @@ from zteam.bus.options import (
     port_accepts,
     router_config,
     try_open,
-    unknown_host,
 )
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.transport import decode_json, zenoh_text
@@ -173,8 +172,6 @@ class Router:
                 raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
-            if hosts := list(filter(None, map(unknown_host, self._options.listen))):
-                raise BusError(f"cannot listen at {places}: no host has the name {hosts[0]!r}") from None
             raise BusError(f"cannot listen at {places}: {zenoh_text(error)}") from None
         with self._changed:
             # The ends of the last session's links may be told later.

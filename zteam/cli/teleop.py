@@ -25,20 +25,7 @@ from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.output import Clean, print_block, print_line
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import STOPPED
-from zteam.robot.teleop import (
-    FIRST,
-    HELP,
-    HELP_TEXT,
-    MAX_SPEED,
-    MIN_SPEED,
-    PERIOD,
-    REPEAT,
-    TIMEOUT_BOUNDS,
-    KeyDecoder,
-    Pilot,
-    drive,
-    parse_script,
-)
+from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot.wheels import Wheels
 
 _KEYS_PERIOD = 0.05
@@ -55,11 +42,8 @@ def build_parser() -> Parser:
     bounds = (MIN_SPEED, MAX_SPEED, "a speed")
     add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
     add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
-    text = (
-        f"let a key count so long after each press or repeat, for a keyboard that repeats slowly (default: {FIRST:g} s "
-        f"after the first press, {REPEAT:g} s after a repeat)"
-    )
-    add_option(parser, "--key-timeout", typed=(*TIMEOUT_BOUNDS, "seconds"), metavar="SECONDS", help=text)
+    text = "let a key count so long after each press and repeat (default: 0.75 after the first press, 0.3 after a repeat)"
+    add_option(parser, "--key-timeout", typed=(0.1, 10.0, "seconds"), metavar="SECONDS", help=text)
     text = "press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     parser.add_argument("--script", metavar="KEYS", help=text)
     add_clock_option(parser)

@@ -82,6 +82,9 @@ class ProcessNode:
     before the session closes, in the order they were added.
     """
 
+    in_team = False
+    """Whether a launcher runs it as a member of a team. Launcher and monitor then log what the team waits for."""
+
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         self.name = name
         self.bus = bus
@@ -89,8 +92,6 @@ class ProcessNode:
         self.lock = threading.RLock()
         """That of `changed`, for code that only takes it: the condition around it would triple the time."""
         self.changed = WatchedCondition(self.lock)
-        self.in_team = False
-        """Whether a launcher has started it with a team: launcher and monitor then log what the team waits for."""
         self.present = False
         """Whether this process holds its name and has not begun to give it back."""
         self.exit_code = 0

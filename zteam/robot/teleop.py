@@ -75,8 +75,6 @@ FIRST = 0.75
 """Seconds that a key counts after its first press: a terminal tells no release, and repeats begin after 0.5 s."""
 REPEAT = 0.3
 """Seconds that a key counts after each repeat."""
-TIMEOUT_BOUNDS = (0.1, 10.0)
-"""Of the seconds that a user may have a key count instead."""
 MIN_SPEED, MAX_SPEED = 0.01, 10.0
 """Bounds of speed (m/s) and turn rate (rad/s), however often their keys are pressed."""
 

@@ -28,8 +28,8 @@ def main() -> int:
         start_logging(name)
         if isinstance(options, RouterOptions):
             return run_router(options)
-        bus = BusOptions.from_environment()
-        return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small), in_team=True)
+        bus, ProcessNode.in_team = BusOptions.from_environment(), True
+        return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small))
     except ZteamError as error:
         return _fail(name, str(error), error.exit_code)
     except KeyboardInterrupt:
@@ -42,14 +42,9 @@ def main() -> int:
 
 
 def run_member(
-    name: str,
-    options: ProcessOptions,
-    bus_options: Callable[[bool], BusOptions],
-    clock: ClockMode | None = None,
-    *,
-    in_team: bool = False,
+    name: str, options: ProcessOptions, bus_options: Callable[[bool], BusOptions], clock: ClockMode | None = None
 ) -> int:
-    """Be the process `name`; its exit code. `bus_options(small)` are those of its session; `in_team`: see ProcessNode."""
+    """Be the process `name`; its exit code. `bus_options(small)` are those of its session."""
     # A mistake is reported before the router is waited for.
     try:
         part = part_of(options)
@@ -57,13 +52,7 @@ def run_member(
         raise
     except Exception as error:
         # In the code of a user's behaviour.
-        return log_fault(error)
-
-    def body(node: ProcessNode) -> None:
-        node.in_team = in_team
-        part.body(node)
-
-    return run_node(part.name or name, bus_options(part.small), body, clock or part.clock, make=part.make)
+        return log_fault(error)    return run_node(part.name or name, bus_options(part.small), part.body, clock or part.clock, make=part.make)
 
 
 def _fail(name: str, text: str, code: int) -> int:

@@ -275,12 +275,10 @@ def run_robot(
     robot = RobotNode(node, kind, options, transforms)
     node.become_present()
     leader = robot.driver.behavior.leader
-    behind = "" if leader is None else f", behind {names.robot_name(leader)}"
+    behind = "" if leader is None else f" behind {names.robot_name(leader)}"
     go = "then for the monitor's GO" if options.gate else "not for GO (--no-gate)"
-    if node.in_team:
-        log.info("behaviour %s%s", options.behavior, behind)
-    else:
-        log.info("robot %d, behaviour %s%s: waiting for its data, %s", options.robot_id, options.behavior, behind, go)
+    waits = "" if node.in_team else f": waiting for its data, {go}"
+    log.info("robot %d, behaviour %s%s%s", options.robot_id, options.behavior, behind, waits)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
     node.drive(robot.beat)

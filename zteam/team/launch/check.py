@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -147,19 +148,16 @@ def _program_fault(folder: Path, program: str) -> str:
 
 def _format_fault(path: Path, by_python: str) -> str:
     """Why the system does not take a file with the right to be executed as a program."""
-    try:
-        with path.open("rb") as file:
-            line = file.readline(1024)
-    except OSError:
-        # It may be executed, and not read.
-        return ""
+    line = b""
+    # It may be executed, and not read.
+    with suppress(OSError), path.open("rb") as file:
+        line = file.readline(1024)
     if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
         return f"{path} is a program for Windows"
     if line.startswith(b"#!"):
         if line.endswith(b"\r\n"):
             return f"{path} has Windows line ends, so its first line names no program: save it with those of Unix"
-        words = os.fsdecode(line[2:]).split()
-        is_there = bool(words) and existing_file(path.parent / words[0]) is not None
+        is_there = existing_file(path.parent / (os.fsdecode(line[2:]).split() or [""])[0])
         return "" if is_there else f"the first line of {path} names a program that is not there"
     if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
         return f"{path} is no program: begin a script with a line such as '#!/usr/bin/env python3', or say {by_python}"
