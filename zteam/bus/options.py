@@ -148,8 +148,6 @@ class BusOptions(msgspec.Struct, frozen=True):
         _number_from("ZTEAM_PATIENCE", *PATIENCE_BOUNDS, "a factor")
         tls = TlsFiles.from_environment()
         give_up = _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
-        if namespace is not None:
-            namespace = check_namespace(namespace, "ZTEAM_NAMESPACE") or None
         return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
@@ -360,8 +358,8 @@ def client_config(options: BusOptions) -> zenoh.Config:
         # A router works off TLS handshakes that failed one by one, 0.1 s for each. To give up sooner adds one more: 40
         # clients that gave up after 2 s were kept out for ever, by each other.
         settings |= {**options.tls.settings, "transport/unicast/open_timeout": 10_000}
-    if options.namespace:
-        settings["namespace"] = options.namespace
+    if namespace := check_namespace(options.namespace or "", "namespace"):
+        settings["namespace"] = namespace
     return _build(options.config, settings, is_on_demand=options.connect is None)
 
 

@@ -478,14 +478,11 @@ def run(
     if not isinstance(name, str) or not callable(body):
         log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
         raise SystemExit(2)
+    chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)
-
-    def open_bus() -> Bus:
-        return connect(BusOptions.from_environment() if options is None else options, stopping=stop)
-
     with stop.install():
-        code = run_body(name, open_bus, stepping(body), stop, clock, make=Node)
+        code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)
     if code:
         raise SystemExit(code)
     return code

@@ -52,7 +52,8 @@ def run_member(
         raise
     except Exception as error:
         # In the code of a user's behaviour.
-        return log_fault(error)    return run_node(part.name or name, bus_options(part.small), part.body, clock or part.clock, make=part.make)
+        return log_fault(error)
+    return run_node(part.name or name, bus_options(part.small), part.body, clock or part.clock, make=part.make)
 
 
 def _fail(name: str, text: str, code: int) -> int:

@@ -37,7 +37,6 @@ class Tables(msgspec.Struct, forbid_unknown_fields=True):
     """The keys of a team file."""
 
     robots: Annotated[list[dict[str, Any]], msgspec.Meta(min_length=1)] = []
-    """A team without has nodes."""
     team: dict[str, Any] = {}
     nodes: list[dict[str, Any]] = []
     defaults: dict[str, Any] = {}

@@ -230,9 +230,7 @@ class Files:
             self.arguments.append(Argument(name, default, place))
             given = self._given.get(name, default)
             if given is None:
-                told = (
-                    f"the argument {name} is missing: give {name}=VALUE, or write $${{{name}}} for ${{{name}}} itself"
-                )
+                told = f"the argument {name} is missing: give {name}=VALUE ($${{{name}}} is this text itself)"
                 self.missing.append(Mistake(place, told))
                 return "", found[0]
             value = parse_value(given)
