@@ -42,7 +42,7 @@ def build_parser() -> Parser:
     bounds = (MIN_SPEED, MAX_SPEED, "a speed")
     add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
     add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
-    text = "let a key count so long after each press and repeat (default: 0.75 after the first press, 0.3 after a repeat)"
+    text = "let a key count so long after each press and repeat (default: 0.75 after a first press, 0.3 after a repeat)"
     add_option(parser, "--key-timeout", typed=(0.1, 10.0, "seconds"), metavar="SECONDS", help=text)
     text = "press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     parser.add_argument("--script", metavar="KEYS", help=text)

@@ -109,7 +109,7 @@ def test_a_key_that_is_held_down_is_pressed_once() -> None:
 def test_a_key_counts_as_long_as_the_user_says(
     key_timeout: float | None, presses: list[float], stands: list[float]
 ) -> None:
-    """From each press and each repeat on: a keyboard that repeats three times a second, or not at all, drives evenly."""
+    """From each press and each repeat on: one that repeats three times a second, or not at all, drives evenly."""
     pilot, moving = Pilot((0,), 0.5, 1.0, key_timeout), []
     for moment in presses:
         moving.append(pilot.command(moment - 0.01) == AHEAD)

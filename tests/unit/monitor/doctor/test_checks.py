@@ -122,7 +122,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem robots: none -> zteam-robot --id 0",
     ),
     "robots that one program drives": (
-        team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), writers={**WRITERS, "robot_0/cmd_vel": ["swarm"]}, statuses={}),
+        team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), statuses={}),
         "note robots: none: other programs drive all robots of the world -> zteam-robot --id 0",
     ),
     "robots by number, and a team of their size": (
@@ -398,7 +398,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
                 **{f"robot_0/{key}": BOTH for key in ("base_info", "cmd_vel_teleop", "odom", "goal_pose", "tf")},
             },
         ),
-        "problem sensors: robot_0/base_info has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
+        "problem sensors: robot_0/base_info has 2 writers: … -> end all but one: their data take turns",
         "problem commands: robot_0/cmd_vel_teleop has 2 writers: … -> end all but one: their commands take turns",
         "problem sensors: robot_0/odom has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
     ),
