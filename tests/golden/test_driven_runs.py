@@ -123,8 +123,7 @@ RUNS: dict[str, Callable[[], Run]] = {
     "it makes room for a head that backs up, the last robot first": lambda: Run(
         line(Commanded((0.3, 0.0, 20), (-0.3, 0.0, 80)), 3), 110, corridor(1.2, -8.0, 3.0),
         ways=[(-0.016, 0.0, 1.954), (-0.781, 0.0, 2.159), (-1.538, 0.0, 2.106)],
-        said="makes room for robot_0; makes room for robot_1; "
-        "it cannot see behind; robot_1 behind; robot_2 behind",
+        said="it cannot see behind; makes room for robot_0; makes room for robot_1; robot_1 behind; robot_2 behind",
     ),
     "it makes room for a head that turns round": lambda: Run(
         line(Commanded((0.0, 1.0, 31), (0.3, 0.0, 100)), 3), 130, corridor(1.2, -8.0, 3.0),
