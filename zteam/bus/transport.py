@@ -1,6 +1,7 @@
 """What the typed bus needs of whatever carries its messages: Zenoh, or the memory of one process."""
 
 import logging
+import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -53,9 +54,22 @@ def decode_json(payload: bytes, kind: type[T]) -> T:
         raise DecodeError("it is nested too deeply") from None
 
 
-def first_line(error: zenoh.ZError) -> str:
-    """What an error of Zenoh says, without the place in Zenoh's source."""
-    return (str(error).splitlines() or ["unknown"])[0].partition(" at /")[0]
+_SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
+_SYNTAX = re.compile(r"--> (?P<line>\d+):(?P<column>\d+) .* = (?P<text>.*)")
+_MESSAGE = re.compile(
+    r"\b(?:msg|message): (?P<text>\"(?:[^\"\\]|\\.)*\")(?:.*line: (?P<line>\d+), column: (?P<column>\d+))?"
+)
+
+
+def zenoh_text(error: zenoh.ZError) -> str:
+    """What an error of Zenoh says, on one line: without places in Zenoh's source, with the place in a file that it has
+    read, if it names one."""
+    text = " ".join(_SOURCE.sub("", str(error)).split())
+    found = _SYNTAX.search(text) or _MESSAGE.search(text)
+    if found is None:
+        return text
+    told = found["text"].strip('"').replace('\\"', '"')
+    return f"line {found['line']}, column {found['column']}: {told}" if found["line"] else told
 
 
 def problem_of(key: str) -> str:
@@ -63,7 +77,7 @@ def problem_of(key: str) -> str:
     try:
         zenoh.KeyExpr(key)
     except zenoh.ZError as error:
-        return first_line(error)
+        return zenoh_text(error)
     return ""
 
 

@@ -1,6 +1,7 @@
 """The commands of a team's processes, such as `zteam-sim`: each makes the options of its kind from a command line."""
 
 import argparse
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -299,7 +300,8 @@ def _add_view(parser: Parser) -> None:
 
 
 def _view_options(args: argparse.Namespace) -> ViewOptions:
-    return read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
+    options = read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
+    return msgspec.structs.replace(options, browser=options.browser and sys.stdout.isatty())
 
 
 _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace], Read]]] = {

@@ -199,7 +199,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None
     if args.view:
-        view = msgspec.structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)
+        # A script or a test reads the address, and wants no window.
+        browser = not args.no_browser and sys.stdout.isatty()
+        view = msgspec.structs.replace(ViewOptions.from_environment(), browser=browser, name=VIEW)
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch

@@ -11,7 +11,7 @@ from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
+from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamState, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
@@ -291,7 +291,7 @@ class Node(ProcessNode):
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         self.was_run = True
-        status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
+        status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
             self.follow_go()
             if self.robot_id is not None and self.switch is not None:
@@ -380,6 +380,9 @@ class Node(ProcessNode):
             if self.status is not None and not was_released:
                 if is_released:
                     log.info("GO: driving")
+                elif self.in_team and (self.readiness.is_ready or self.team.state != TeamState.GO):
+                    # The monitor logs which robots are ready, and what the others lack.
+                    self.status.publish_change()
                 else:
                     self.status.tell()
         return is_released

@@ -82,6 +82,9 @@ class ProcessNode:
     before the session closes, in the order they were added.
     """
 
+    in_team = False
+    """Whether a launcher runs it as a member of a team. Launcher and monitor then log what the team waits for."""
+
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         self.name = name
         self.bus = bus

@@ -226,6 +226,9 @@ def _works_without(kind: kinds.Kind, facts: Facts) -> str:
     if kind.name == names.MONITOR and facts.statuses:
         running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
         return "all robots run, but their health is not watched" if running else ""
+    if kind.name == kinds.ROBOT and facts.sim is not None and facts.sim.robots:
+        others = all(names.robot_key(i, names.CMD_VEL) in facts.writers for i in facts.sim.robots)
+        return "other programs drive all robots of the world" if others else ""
     return ""
 
 
@@ -291,10 +294,10 @@ def check_writers(facts: Facts) -> Iterator[Finding]:
     """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
     for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
         heard, publishers = facts.writers.get(key, ()), facts.publishers.get(key, ())
-        what = "sensors" if is_sensed(key) else "commands"
+        what, sent = ("commands", "commands") if names.CMD_VEL in key else ("sensors", "data")
         if len(heard) > 1:
             text = f"{key} has {len(heard)} writers: {', '.join(heard)}"
-            yield problem(what, text, f"end all but one: their {'data' if is_sensed(key) else 'commands'} take turns")
+            yield problem(what, text, f"end all but one: their {sent} take turns")
         elif len(publishers) > 1 and not key.endswith(f"/{names.CMD_VEL}"):
             # On cmd_vel the simulator publishes what a robot answers in lock-step.
             text = f"{key} has {len(publishers)} publishers: {', '.join(publishers)}"

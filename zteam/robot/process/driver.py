@@ -52,9 +52,11 @@ class SafetyLog:
             if not self._began or (stands and not self._stands):
                 self.stops += not self._began
                 self._began, self._stands = self._began or now, stands
-                wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
-                verb = "stopped" if stands else "slowed"
-                log.info("safety: %s %s (%.2f m/s): %s", verb, wanting, wanted.linear.x, trouble)
+                if stands:
+                    wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
+                    log.info("safety: stopped %s (%.2f m/s): %s", wanting, wanted.linear.x, trouble)
+                else:
+                    log.info("safety: %s slowly: %s", "backs up" if wanted.linear.x < 0.0 else "drives", trouble)
         elif self._began and wanted.linear.x:
             self._free = self._free or now
             if now - self._free >= FREE_AFTER:

@@ -58,7 +58,8 @@ class RobotNode:
         self._node = node
         self._id = options.robot_id
         self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
-        readiness = Readiness(gated=options.gate)
+        way_out = "" if node.in_team else "zteam-monitor; --no-gate drives at once"
+        readiness = Readiness(gated=options.gate, way_out=way_out)
         self.status = StatusReport(node, self._id, options.behavior, readiness, node.switch, safety=options.safety)
         self.driver = Driver(node, self._inputs, kind, self.status, options, self._team)
         self._lateness = Lateness()
@@ -276,7 +277,8 @@ def run_robot(
     leader = robot.driver.behavior.leader
     behind = "" if leader is None else f" behind {names.robot_name(leader)}"
     go = "then for the monitor's GO" if options.gate else "not for GO (--no-gate)"
-    log.info("robot %d, behaviour %s%s: waiting for its data, %s", options.robot_id, options.behavior, behind, go)
+    waits = "" if node.in_team else f": waiting for its data, {go}"
+    log.info("robot %d, behaviour %s%s%s", options.robot_id, options.behavior, behind, waits)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
     node.drive(robot.beat)

@@ -16,6 +16,9 @@ from zteam.messages.base import BaseOverride
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
 
+NO_BEHAVIOR = "none"
+"""`behavior = "none"`: the team starts no process for the robot; a program of the user's own drives its base."""
+
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -76,6 +79,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
+        if not self.has_process and (needless := next(iter(self.params), self.navigation and "navigation")):
+            raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
         if "leader" in self.params and (self.follow is not None or self.behavior is None):
@@ -84,6 +89,11 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise KeyValueError("follow", f"both follow and behavior = {toml_text(self.behavior)}; keep one of them")
         if self.follow == self.id:
             raise KeyValueError("follow", f"robot {self.id} cannot follow itself; name another robot")
+
+    @property
+    def has_process(self) -> bool:
+        """Whether the team starts a process for it."""
+        return self.behavior != NO_BEHAVIOR
 
 
 class NodeEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -160,6 +170,11 @@ class Team(msgspec.Struct, frozen=True):
     nodes: list[NodeEntry] = []
     folders: tuple[str, ...] = ()
     """Of its file and of those that it includes, absolute: modules of behaviours may lie there."""
+
+    @property
+    def driven(self) -> list[RobotEntry]:
+        """The robots that have a process of the team."""
+        return [robot for robot in self.robots if robot.has_process]
 
     def restarts(self, entry: RobotEntry | NodeEntry) -> bool:
         """Whether this robot or node is started again when it has failed."""

@@ -24,7 +24,10 @@ MAX_FILES = 100
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_REFERENCE = re.compile(rf"\$\{{({_NAME.pattern})(?::-((?:(?!\$\{{).)*))?\}}", re.DOTALL)
+_BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
+_REFERENCE = re.compile(
+    rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
+)
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -130,7 +133,7 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
 
 
 class Argument(NamedTuple):
-    """One place at which a file takes an argument: a text that is exactly `${name}` or `${name:-default}`."""
+    """One place at which a file takes an argument: `${name}` or `${name:-default}`, in a text or for it."""
 
     name: str
     default: str | None
@@ -218,15 +221,25 @@ class Files:
         return merge(merged, own, lists=LISTS)
 
     def _fill(self, text: str, place: KeyPlace) -> Any:
-        found = _REFERENCE.fullmatch(text)
-        if found is None:
-            return text
-        self.arguments.append(Argument(found[1], found[2], place))
-        given = self._given.get(found[1], found[2])
-        if given is None:
-            self.missing.append(Mistake(place, f"the argument {found[1]} is missing: give {found[1]}=VALUE"))
-            return text
-        return _placed(parse_value(given), place)
+        """The value that a whole text stands for; else the text, with the texts of the arguments in it."""
+
+        def take(found: re.Match[str]) -> tuple[Any, str]:
+            if found["escape"]:
+                return "", found[0][1:]
+            name, default = found["name"], found["default"]
+            self.arguments.append(Argument(name, default, place))
+            given = self._given.get(name, default)
+            if given is None:
+                told = f"the argument {name} is missing: give {name}=VALUE ($${{{name}}} is this text itself)"
+                self.missing.append(Mistake(place, told))
+                return "", found[0]
+            value = parse_value(given)
+            return value, value if isinstance(value, str) else given
+
+        whole = _REFERENCE.fullmatch(text)
+        if whole is not None and not whole["escape"]:
+            return _placed(take(whole)[0], place)
+        return _REFERENCE.sub(lambda found: take(found)[1], text)
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])

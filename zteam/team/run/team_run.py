@@ -171,7 +171,7 @@ class TeamRun:
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
-        ids = [robot.id for robot in self.launch.team.robots]
+        ids = [robot.id for robot in self.launch.team.driven]
         return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:

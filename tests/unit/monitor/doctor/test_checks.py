@@ -121,6 +121,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem monitor: no process monitor -> zteam-monitor --team-size 1",
         "problem robots: none -> zteam-robot --id 0",
     ),
+    "robots that one program drives": (
+        team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), statuses={}),
+        "note robots: none: other programs drive all robots of the world -> zteam-robot --id 0",
+    ),
     "robots by number, and a team of their size": (
         Facts(nodes=nodes("robot_10", "robot_2"), writers={"robot_2/base_scan": ["x"], "robot_10/base_scan": ["x"]}),
         "note simulator: no process sim: the robots … -> zteam-sim WORLD (or real robots that publish the same …",
@@ -391,9 +395,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(
             writers={
                 **WRITERS, "map": BOTH,
-                **{f"robot_0/{key}": BOTH for key in ("cmd_vel_teleop", "odom", "goal_pose", "tf")},
+                **{f"robot_0/{key}": BOTH for key in ("base_info", "cmd_vel_teleop", "odom", "goal_pose", "tf")},
             },
         ),
+        "problem sensors: robot_0/base_info has 2 writers: … -> end all but one: their data take turns",
         "problem commands: robot_0/cmd_vel_teleop has 2 writers: … -> end all but one: their commands take turns",
         "problem sensors: robot_0/odom has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
     ),

@@ -338,11 +338,11 @@ def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
         assert len(log.lines) == 1
         note(60, 90, ahead, lambda _: "")
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
-        unseen = Reason("no laser looks behind", slows=True)
+        unseen = Reason("it cannot see behind", slows=True)
         back = Twist(Vector3(-0.4))
         note(90, 98, back, lambda tick: unseen if tick < 94 else "robot_2 behind", RobotDriver.TELEOP)
     assert log.lines[2:] == [
-        "safety: slowed teleop (-0.40 m/s): no laser looks behind",
+        "safety: backs up slowly: it cannot see behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
     ]
     assert safety.stops == 2

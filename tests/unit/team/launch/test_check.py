@@ -186,6 +186,76 @@ def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path, mo
     check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["./own.sh"]\n')
 
 
+@pytest.mark.parametrize(
+    ("content", "mode", "way_out"),
+    [
+        (b"#!/bin/sh\n", 0o755, ""),
+        (b"#! /bin/sh -e\n", 0o755, ""),
+        (b"\x7fELF\x02\x01\x01\0", 0o755, ""),
+        (b"#!/bin/sh\n", 0o644, "chmod +x"),
+        (b"\x7fELF\x02\x01\x01\0", 0o644, "chmod +x"),
+        (b"print(1)\n", 0o755, '["python", "./own", …]'),
+        ("# Größe\n".encode(), 0o755, '["python", "./own", …]'),
+        (b"#!/usr/bin/env python3\r\nprint(1)\r\n", 0o755, "Unix"),
+        (b"#!/no/such/python\n", 0o755, "first line"),
+        (b"#!\n", 0o755, "first line"),
+        (b"MZ\x90\0\x03\n", 0o755, "Windows"),
+        (None, 0o755, "is a folder"),
+    ],
+)
+def test_a_file_that_is_no_program_is_told_as_what_it_is(
+    tmp_path: Path, content: bytes | None, mode: int, way_out: str
+) -> None:
+    """Before anything starts, with the way out: a right, a first line, an interpreter, a program of this system."""
+    own = tmp_path / "own"
+    if content is None:
+        own.mkdir()
+    else:
+        own.write_bytes(content)
+    own.chmod(mode)
+    text = f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["./own"]\n'
+    if not way_out:
+        check(tmp_path, text)
+        return
+    with pytest.raises(ConfigError) as refused:
+        check(tmp_path, text)
+    assert way_out in str(refused.value)
+    assert str(refused.value).startswith(f"{tmp_path}/team.toml:7: nodes[0].command[0]: ")
+
+
+def test_a_program_that_lies_beside_the_file_is_named_by_its_path(tmp_path: Path) -> None:
+    """One without a slash is looked for on PATH alone, as a shell does."""
+    (tmp_path / "own_node.py").write_text("")
+    with pytest.raises(ConfigError, match=r'"\./own_node\.py", or command = \["python", "own_node\.py", …\]'):
+        check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["own_node.py"]\n')
+
+
+BLIND = (
+    'define dot position ( size [0.3 0.3 0.3] )\ndot ( pose [0 0 0 0] name "r0" )\ndot ( pose [2 0 0 0] name "r1" )\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("robots", "place"),
+    [
+        ("", ""),
+        ('[[robots]]\nids = "0-1"\nbehavior = "none"\n', ""),
+        ('[[robots]]\nid = 5\nbehavior = "none"\nmodel = "dot"\npose = [4, 0, 0]\n', ""),
+        ('[[robots]]\nid = 0\nbehavior = "idle"\n', "8 robots[0].behavior"),
+        ('[[robots]]\nid = 5\nbehavior = "none"\n', "7 robots[0].id"),
+    ],
+)
+def test_robots_that_a_users_program_drives_need_no_laser(tmp_path: Path, robots: str, place: str) -> None:
+    """All others do; and the world has to have them, or gets them."""
+    (tmp_path / "blind.world").write_text(BLIND)
+    node = '[[nodes]]\nname = "swarm"\ncommand = ["python", "-m", "swarm"]\n'
+    text = f'[team]\nworld = "blind.world"\n{node}{robots}'
+    if place:
+        assert mistakes_of(tmp_path, text) == [place]
+    else:
+        assert check(tmp_path, text) == tmp_path / "blind.world"
+
+
 def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Path) -> None:
     """The fixture and `run_team` name the node's line and the way out; nothing starts."""
     path = write(tmp_path, f'{ARENA}[[nodes]]\nname = "a"\ncommand = ["python"]\n')
