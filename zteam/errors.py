@@ -48,12 +48,33 @@ class QueryTimeoutError(QueryError):
     """No answer to a query came in time."""
 
 
+class KeyExpressionError(BusError, UsageError):
+    """A text is no key expression; the error names the right one where it can."""
+
+
 class DuplicateNameError(BusError):
     """Another live process already has this process's name on the bus."""
 
 
 class EncodeError(ZteamError):
     """A message has a value that its wire type cannot represent."""
+
+
+def check_call(function: object, arguments: int, text: str) -> None:
+    """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments."""
+    import inspect
+
+    takes = callable(function)
+    if callable(function):
+        try:
+            inspect.signature(function).bind(*[None] * arguments)
+        except TypeError:
+            takes = False
+        except ValueError:
+            # Some built-in functions have no signature.
+            return
+    if not takes:
+        raise UsageError(text)
 
 
 def did_you_mean(word: str, known: abc.Iterable[str], *, most: int = 1, form: str = " (did you mean {}?)") -> str:

@@ -43,9 +43,7 @@ def check_key(text: str) -> str:
     """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
     key = strip_slash(text)
     if problem := problem_of(key):
-        meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
-        hint = f": write {meant!r}" if meant and not problem_of(meant) else ""
-        raise UsageError(f"{text!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}")
+        raise UsageError(problem)
     return key
 
 

@@ -4,18 +4,19 @@ import logging
 from collections.abc import Callable
 from functools import partial
 from itertools import count
+from traceback import extract_stack
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.errors import UsageError
+from zteam.errors import UsageError, check_call
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
-from zteam.node.faults import offer_stacks
+from zteam.node.faults import offer_stacks, place_in
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
@@ -30,6 +31,7 @@ M = TypeVar("M", bound=Message)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+_CALLBACK = "'def on_message(key, message): …'"
 HEARTBEAT = 1.0
 """Host seconds between two heartbeats."""
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
@@ -204,6 +206,7 @@ class Node(ProcessNode):
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
         waited for as well, which ends with the aggregator.
         """
+        check_call(callback, 2, f"subscribe({key_expr!r}, …): the callback takes the key and the message, as {_CALLBACK}")
         if every_tick:
             self._inputs.declare(key_expr, message_type)
         call = self._failing(callback)
@@ -269,6 +272,7 @@ class Node(ProcessNode):
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
+        check_call(callback, 2, f"watch_tokens({key_expr!r}, …): the callback takes the key and whether it is alive")
         super().watch_tokens(key_expr, self._failing(callback))
 
     def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
@@ -290,6 +294,7 @@ class Node(ProcessNode):
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
+        check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
         self.was_run = True
         status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
         if gate:
@@ -461,8 +466,25 @@ def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
     return checked
 
 
+def _checked_body(name: object, body: Any) -> Callable[[Node], None]:
+    """`body`, if a user's call of `run` has a text and a function of the node; else the program ends."""
+    text = """zteam.run(name, body): write zteam.run("watcher", main) with a function 'def main(node): …'"""
+    try:
+        if not isinstance(name, str):
+            raise UsageError(f"{text}; the name is {name!r:.60}")
+        check_call(body, 1, f"{text}; the body is {body!r:.60}")
+    except UsageError as error:
+        log.error("%s%s", place_in(extract_stack()), error)
+        raise SystemExit(error.exit_code) from None
+    return body  # type: ignore[no-any-return]
+
+
 def run(
-    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
+    name: str,
+    body: Callable[[Node], None] | None = None,
+    options: BusOptions | None = None,
+    *,
+    clock: ClockMode = "auto",
 ) -> int:
     """Run `body(node)` as the process `name`; the body calls `node.run(step)`. Returns 0 after an orderly stop.
 
@@ -472,9 +494,7 @@ def run(
     Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
     how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    if not isinstance(name, str) or not callable(body):
-        log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
-        raise SystemExit(2)
+    body = _checked_body(name, body)
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)
