@@ -19,7 +19,7 @@ from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks, place_in
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
-from zteam.node.robot_status import Readiness, StatusReport, go_epoch
+from zteam.node.robot_status import Readiness, StatusReport, TurnWatch, go_epoch
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
@@ -31,7 +31,6 @@ M = TypeVar("M", bound=Message)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
-_CALLBACK = "'def on_message(key, message): …'"
 HEARTBEAT = 1.0
 """Host seconds between two heartbeats."""
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
@@ -73,7 +72,7 @@ class UserStep:
         is_own = names.navigated_robot_of(node.name) is None
         way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
         self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
-        self._returned = Every(60.0)
+        self._turns, self._returned = TurnWatch(f"{node.name}: step"), Every(60.0)
         self._rate: Rate | None = None
         self._is_due = False
         self._forget()
@@ -110,6 +109,7 @@ class UserStep:
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
         if command is not None and self._node.robot_id is not None:
             command = checked_command(command, f"{self._node.name}: step")
+            self._turns.look(command)
         elif command is not None:
             if self._returned.due():
                 name, kind = self._node.name, type(command).__name__
@@ -206,7 +206,8 @@ class Node(ProcessNode):
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
         waited for as well, which ends with the aggregator.
         """
-        check_call(callback, 2, f"subscribe({key_expr!r}, …): the callback takes the key and the message, as {_CALLBACK}")
+        what = f"subscribe({key_expr!r}, …): the callback takes the key and the message"
+        check_call(callback, 2, f"{what}, as 'def on_message(key, message): …'")
         if every_tick:
             self._inputs.declare(key_expr, message_type)
         call = self._failing(callback)

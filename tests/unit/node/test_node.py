@@ -1,5 +1,6 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -59,6 +60,26 @@ def test_its_step_follows_the_simulators_clock(
     play(node, steps.append, script(), period=period)
     assert steps == [tick * TICK for tick in expected]
     assert resets == ([TICK] if ticks[0] == 500 else [])
+
+
+CALLS: list[tuple[Callable[[Any], object], str]] = [
+    (lambda node: node.subscribe("robot_*/odom", Odometry, print), "write 'robot_$*/odom'"),
+    (lambda node: node.subscribe("/robot_0/odom", Odometry, print), "write 'robot_0/odom'"),
+    (lambda node: node.publisher("/planner//plan", Bool), "write 'planner/plan'"),
+    (lambda node: node.publisher("plan/", Bool), "write 'plan'"),
+    (lambda node: node.subscribe("map", Bool, lambda message: None), "takes the key and the message"),
+    (lambda node: node.subscribe("map", Bool, None), "def on_message(key, message)"),
+    (lambda node: node.watch_tokens("sim/alive/*", lambda key: None), "takes the key and whether"),
+    (lambda node: node.run(None), "write node.run(step)"),
+    (lambda node: node.run(lambda: None), "def step(now)"),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), CALLS, ids=[words for _, words in CALLS])
+def test_a_call_that_cannot_work_is_refused_at_once(make: Make, call: Callable[[Any], object], words: str) -> None:
+    """The error says what to write, and the node holds nothing of it."""
+    with pytest.raises(UsageError, match=re.escape(words)):
+        call(make())
 
 
 def test_a_jump_back_forgets_what_waits_for_a_tick(hub: MemoryHub, make: Make) -> None:

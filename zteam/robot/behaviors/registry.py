@@ -2,9 +2,11 @@
 
 import importlib
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -101,8 +103,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
-    if colon and module.endswith(".py"):
-        raise UsageError(f"no behaviour {spec!r} (did you mean {module[:-3].replace('/', '.')}:{name}?)")
+    if module.endswith(".py"):
+        raise UsageError(f"no behaviour {spec!r} (did you mean {_meant_by(Path(module), name)}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
@@ -111,6 +113,17 @@ def find_behavior(spec: str) -> type[Behavior]:
     known = behavior_names()
     meant = did_you_mean(spec, known)
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
+
+
+def _meant_by(file: Path, name: str) -> str:
+    """How the class `name` in a file is written, without a name each class that the file may have."""
+    with suppress(OSError, ValueError):
+        classes = re.findall(r"^class (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+        name = name or f" or {file.stem}:".join(classes)
+    found, folder = f"{file.stem}:{name or 'CLASS'}", file.parent
+    if (folder / "__init__.py").is_file() and not folder.is_absolute():
+        return f"{'.'.join(folder.parts)}.{found}"
+    return found if folder == Path() else f"{found}, with the folder on the path (--path {folder})"
 
 
 def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
@@ -129,6 +142,10 @@ def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] 
             if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
         ]
         way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
+        files = (Path(folder, f"{module}.py") for folder in sys.path)
+        hidden = next((file for file in files if is_own(str(file)) and file.is_file()), None)
+        if hidden is not None and not is_own(str(place)):
+            way_out = f"; it hides your {hidden}: give that file another name"
         raise UsageError(f"{what}: module {module} ({place}) has no {name}{way_out}")
     return found
 

@@ -14,7 +14,15 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
+from zteam.config.toml_values import (
+    KeyPath,
+    TooDeepError,
+    key_lines,
+    line_of,
+    line_of_open_quote,
+    parse_value,
+    toml_text,
+)
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -25,6 +33,15 @@ LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _REFERENCE = re.compile(rf"\$\{{({_NAME.pattern})(?::-((?:(?!\$\{{).)*))?\}}", re.DOTALL)
+
+
+_HINTS = {
+    "Invalid value": "; text needs quotes (numbers such as 0.5, true and false do not)",
+    "Expected '=' after a key in a key/value pair": "; write key = value",
+}
+"""The way out, by what tomllib finds wrong."""
+_OPEN_QUOTE = (r"Illegal character '\n'", 'Expected "\'"', "Unterminated string", "Unclosed array")
+"""How begins what it finds wrong where a quote is missing."""
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -126,7 +143,9 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return table
     if isinstance(value, list):
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
-    return fill(value, place) if fill and isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    return fill(value, place) if fill else resources.from_home(value)
 
 
 class Argument(NamedTuple):
@@ -220,7 +239,7 @@ class Files:
     def _fill(self, text: str, place: KeyPlace) -> Any:
         found = _REFERENCE.fullmatch(text)
         if found is None:
-            return text
+            return resources.from_home(text)
         self.arguments.append(Argument(found[1], found[2], place))
         given = self._given.get(found[1], found[2])
         if given is None:
@@ -279,6 +298,10 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        hint = "; text needs quotes" if told == "Invalid value" else ""
+        if told.startswith(_OPEN_QUOTE) and (line := line_of_open_quote(data.decode("utf-8-sig"))):
+            told, line_and_column = "the text that begins here has no closing quote", [str(line)]
+        hint = _HINTS.get(told, "")
+        if path.suffix.lower() != ".toml":
+            hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
         hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
         raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None
