@@ -370,7 +370,7 @@ class Node(ProcessNode):
                     self.status.say_again()
 
     def _look_for_publishers(self) -> None:
-        """Once, after a while in which a team was there: log which of its keys nothing publishes. The answers take their
+        """Once, when a team is there: log which of its keys nothing publishes. The answers take their
         time, so a thread waits for them."""
 
         def search() -> None:

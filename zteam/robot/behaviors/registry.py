@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import os
 import re
 import sys
 import traceback
@@ -12,6 +13,7 @@ from typing import Any, TypeGuard
 
 import msgspec
 
+from zteam.clock import wall_ns
 from zteam.config.entry_points import BEHAVIORS as GROUP
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.problems import problems_of
@@ -98,6 +100,22 @@ def look_in(folders: Iterable[str | Path]) -> None:
             sys.path.append(folder)
 
 
+_looked = wall_ns()
+
+
+def read_anew(folders: Iterable[str | Path]) -> None:
+    """Forget the user's modules in these folders if one of them was edited since the last call: they are imported as
+    they stand now. A notebook is one process for many runs."""
+    global _looked
+    before, _looked = _looked, wall_ns()
+    inside = tuple(f"{Path(folder).resolve()}{os.sep}" for folder in folders)
+    files = {name: str(getattr(module, "__file__", None)) for name, module in [*sys.modules.items()]}
+    own = {name: Path(file) for name, file in files.items() if file.startswith(inside) and is_own(file)}
+    if any(file.is_file() and file.stat().st_mtime_ns > before for file in own.values()):
+        for name in own.keys() - {"__main__"}:
+            del sys.modules[name]
+
+
 def find_behavior(spec: str) -> type[Behavior]:
     """The class called `spec`. Imports its module. Raises UsageError."""
     if spec in BEHAVIORS:
@@ -142,6 +160,8 @@ def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] 
             if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
         ]
         way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
+        if module == "__main__":
+            way_out = "; what a notebook or a script defines is in its own process alone: write it into a file"
         files = (Path(folder, f"{module}.py") for folder in sys.path)
         hidden = next((file for file in files if is_own(str(file)) and file.is_file()), None)
         if hidden is not None and not is_own(str(place)):

@@ -11,6 +11,7 @@ from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop
+from zteam.robot.behaviors.registry import look_in, read_anew
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
@@ -52,7 +53,9 @@ def run_team(
     if seconds is None and until is None:
         raise UsageError("run_team: give seconds or until: without an end there is no report")
     file = read_team_file(find_team(team), argument_texts(arguments or {}))
-    chosen = check_team(file, find_world(world) if world is not None else None)
+    read_anew([*file.team.folders, ""])
+    look_in([*file.team.folders, ""])
+    chosen = check_team(file, find_world(world) if world is not None else None, here=True)
     if bus is None:
         refuse_nodes(file, "give run_team a bus, or use zteam up")
     if chosen is None:

@@ -157,10 +157,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "colorsys.py").write_text("raise RuntimeError('shadowed')")
     monkeypatch.setattr(sys, "path", sys.path.copy())
     monkeypatch.setattr(sys, "modules", sys.modules.copy())
-    monkeypatch.chdir(tmp_path)
     with pytest.raises(UsageError, match="ModuleNotFoundError"):
         load_behavior("my_robots.mine:Spin", {})
     look_in([tmp_path, tmp_path])
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

@@ -129,7 +129,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "recovery_seconds": {"robot_1": 0.212},
         "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
         "ticks": 301,
-        "rtf": 3.0,
+        "real_time_factor": 3.0,
         "trajectory_sha256": "abc",
         "lockstep": True,
         "resends": 1,
