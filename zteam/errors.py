@@ -1,6 +1,7 @@
 """Errors that a user may see: each is one line that names the place and the fix. And texts that may be printed."""
 
 from collections import abc
+from contextlib import suppress
 
 
 class ZteamError(Exception):
@@ -64,17 +65,12 @@ def check_call(function: object, arguments: int, text: str) -> None:
     """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments."""
     import inspect
 
-    takes = callable(function)
-    if callable(function):
-        try:
-            inspect.signature(function).bind(*[None] * arguments)
-        except TypeError:
-            takes = False
-        except ValueError:
-            # Some built-in functions have no signature.
-            return
-    if not takes:
-        raise UsageError(text)
+    try:
+        # Some built-in functions have no signature: a ValueError.
+        with suppress(ValueError):
+            inspect.signature(function).bind(*[None] * arguments)  # type: ignore[arg-type]
+    except TypeError:
+        raise UsageError(text) from None
 
 
 def did_you_mean(word: str, known: abc.Iterable[str], *, most: int = 1, form: str = " (did you mean {}?)") -> str:

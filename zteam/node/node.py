@@ -23,7 +23,7 @@ from zteam.node.faults import offer_stacks, place_in
 from zteam.node.kinds import kind_of
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
-from zteam.node.robot_status import Readiness, StatusReport, TurnWatch, go_epoch
+from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
@@ -78,7 +78,7 @@ class UserStep:
         is_own = names.navigated_robot_of(node.name) is None
         way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
         self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
-        self._turns, self._returned = TurnWatch(f"{node.name}: step"), Every(60.0)
+        self._returned = Every(60.0)
         self._rate: Rate | None = None
         """The moments of its steps. In lock-step the next tick takes the moment that has come."""
         self._is_due = False
@@ -125,7 +125,6 @@ class UserStep:
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
         if command is not None and self._node.robot_id is not None:
             command = checked_command(command, f"{self._node.name}: step")
-            self._turns.look(command)
         elif command is not None:
             if self._returned.due():
                 name, kind = self._node.name, type(command).__name__
@@ -140,9 +139,9 @@ class UserStep:
 class Node(ProcessNode):
     """One process on the bus under a name of its own.
 
-    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns every `period` seconds
-    of simulated time, or of the host's time where there is no simulator. In lock-step each step is that of a tick, when
-    all inputs declared with `every_tick` have come for it; the world waits for it.
+    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns, every `period`
+    seconds of simulated time, or of the host's time where there is no simulator. In lock-step each step is that of a
+    tick, when all inputs declared with `every_tick` have come for it; the world waits for it.
     """
 
     _act: Act
@@ -311,8 +310,8 @@ class Node(ProcessNode):
         return handle
 
     def run(self, step: Step, *, period: float = 0.1, gate: bool = False) -> None:
-        """Call `step(now)` every `period` seconds, in lock-step in the tick in which or before which such a moment comes,
-        until the process is asked to stop. Raises what `step` raises.
+        """Call `step(now)` every `period` seconds until the process is asked to stop, in lock-step in the first tick at
+        or after each such moment. Raises what `step` raises.
 
         With `gate` it calls `step` from the monitor's GO on. A robot's own process (`robot_N`) tells the monitor that
         it is ready when all that it subscribes to with `every_tick` has come.
@@ -512,19 +511,6 @@ def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
     return checked
 
 
-def _checked_body(name: object, body: Any) -> Callable[[Node], None]:
-    """`body`, if a user's call of `run` has a text and a function of the node; else the program ends."""
-    text = """zteam.run(name, body): write zteam.run("watcher", main) with a function 'def main(node): …'"""
-    try:
-        if not isinstance(name, str):
-            raise UsageError(f"{text}; the name is {name!r:.60}")
-        check_call(body, 1, f"{text}; the body is {body!r:.60}")
-    except UsageError as error:
-        log.error("%s%s", place_in(extract_stack()), error)
-        raise SystemExit(error.exit_code) from None
-    return body  # type: ignore[no-any-return]
-
-
 def run(
     name: str,
     body: Callable[[Node], None] | None = None,
@@ -540,7 +526,13 @@ def run(
     Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
     how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    body = _checked_body(name, body)
+    text = """zteam.run(name, body): write zteam.run("watcher", main) with a function 'def main(node): …'"""
+    try:
+        check_call(body if isinstance(name, str) else None, 1, text)
+    except UsageError as error:
+        log.error("%s%s", place_in(extract_stack()), error)
+        raise SystemExit(error.exit_code) from None
+    assert body is not None
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)

@@ -5,7 +5,6 @@ other processes ask for meanwhile is the last one again.
 """
 
 import logging
-import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -14,7 +13,6 @@ import msgspec
 from zteam import messages, names
 from zteam.bus import Publisher
 from zteam.clock import Every, to_ns
-from zteam.geometry import turn_problem
 from zteam.node.process_node import ProcessNode
 from zteam.node.stopping import STOPPED, StopSwitch
 from zteam.reasons import Reason
@@ -254,17 +252,3 @@ class StatusReport:
         if self.driver != messages.RobotDriver.BEHAVIOR:
             return f"{self.driver} commands zero velocity"
         return self.tells_of.why_it_rests() or "the behaviour commands zero velocity"
-
-
-class TurnWatch:
-    """Names in the log a turn rate that its author has most likely meant in degrees: the base turns slower."""
-
-    def __init__(self, what: str) -> None:
-        """The log names `what` asks for it."""
-        self._what, self._may_tell = what, Every(60.0)
-
-    def look(self, command: messages.Twist) -> None:
-        """It asks for a velocity."""
-        rate = command.angular.z
-        if abs(rate) > math.tau and self._may_tell.due():
-            log.warning("%s: the turn rate %s", self._what, turn_problem(rate))

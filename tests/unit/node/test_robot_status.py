@@ -7,9 +7,9 @@ import pytest
 from support.log_capture import captured_log
 from support.transforms import S
 from zteam.bus import MemoryHub
-from zteam.messages import RobotState, TeamState, TeamStatus, Twist, Vector3, time_from_ns
+from zteam.messages import RobotState, TeamState, TeamStatus, time_from_ns
 from zteam.node.process_node import ProcessNode
-from zteam.node.robot_status import REST, Readiness, ReasonLog, StatusReport, TurnWatch, go_epoch
+from zteam.node.robot_status import REST, Readiness, ReasonLog, StatusReport, go_epoch
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 
@@ -92,13 +92,3 @@ def test_the_status_is_published_at_each_change_and_its_reason_is_logged_once(hu
         report.tell(logged=False)
         report.tell()
     assert log.lines == ["running: too many beams say nothing"]
-
-
-@pytest.mark.parametrize(("rate", "told"), [(45.0, 1), (-90.0, 1), (6.2, 0), (float("nan"), 0)])
-def test_a_turn_rate_in_degrees_is_told_once(rate: float, told: int) -> None:
-    """A rate above a full turn a second is most likely meant in degrees."""
-    watch = TurnWatch("Mine.step")
-    with captured_log() as log:
-        for _ in range(3):
-            watch.look(Twist(angular=Vector3(z=rate)))
-    assert log.count("Mine.step") == log.count("radians") == told

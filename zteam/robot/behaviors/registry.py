@@ -2,7 +2,6 @@
 
 import importlib
 import inspect
-import os
 import re
 import sys
 import traceback
@@ -17,7 +16,7 @@ from zteam.clock import wall_ns
 from zteam.config.entry_points import BEHAVIORS as GROUP
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.problems import problems_of
-from zteam.errors import UsageError, did_you_mean
+from zteam.errors import UsageError, check_call, did_you_mean
 from zteam.robot.behaviors.behavior import Behavior, check_inputs
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.formation import Formation
@@ -101,19 +100,20 @@ def look_in(folders: Iterable[str | Path]) -> None:
 
 
 _looked = wall_ns()
+_loaded: set[str] = set()
+"""Modules that a user has named for a run, and those that came with them."""
 
 
-def read_anew(folders: Iterable[str | Path]) -> None:
-    """Forget the user's modules in these folders if one of them was edited since the last call: they are imported as
-    they stand now. A notebook is one process for many runs."""
+def read_anew() -> None:
+    """Forget the user's loaded modules if one of them was edited since the last call: they are imported as they stand
+    now. A notebook is one process for many runs."""
     global _looked
     before, _looked = _looked, wall_ns()
-    inside = tuple(f"{Path(folder).resolve()}{os.sep}" for folder in folders)
-    files = {name: str(getattr(module, "__file__", None)) for name, module in [*sys.modules.items()]}
-    own = {name: Path(file) for name, file in files.items() if file.startswith(inside) and is_own(file)}
+    files = {name: str(getattr(sys.modules.get(name), "__file__", None)) for name in _loaded - {"__main__"}}
+    own = {name: Path(file) for name, file in files.items() if is_own(file)}
     if any(file.is_file() and file.stat().st_mtime_ns > before for file in own.values()):
-        for name in own.keys() - {"__main__"}:
-            del sys.modules[name]
+        for name in own:
+            sys.modules.pop(name, None)
 
 
 def find_behavior(spec: str) -> type[Behavior]:
@@ -146,11 +146,13 @@ def _meant_by(file: Path, name: str) -> str:
 
 def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
     """What the user's `module` calls `name`, for `what`. Raises UsageError with the names of what it `offers` there."""
+    before = {*sys.modules}
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
         raise UsageError(f"{what}: cannot import {module}: {explain(error)}") from error
+    _loaded.update({*sys.modules} - before, {module})
     found = getattr(imported, name, None)
     if found is None:
         place = getattr(imported, "__file__", None) or "built in"
@@ -184,14 +186,9 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     check_inputs(f"behaviour {spec!r}: inputs", found.inputs)
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
-    for called, given, text in (
-        (found, [None], "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"),
-        (found.step, [None, None], f"its step must take the view: {_STEP}"),
-    ):
-        try:
-            inspect.signature(called).bind(*given)
-        except TypeError:
-            raise UsageError(f"behaviour {spec!r}: {text}") from None
+    text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
+    check_call(found, 1, f"behaviour {spec!r}: {text}")
+    check_call(found.step, 2, f"behaviour {spec!r}: its step must take the view: {_STEP}")
     return found
 
 

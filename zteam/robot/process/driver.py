@@ -12,7 +12,7 @@ from zteam.errors import UsageError
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
-from zteam.node.robot_status import StatusReport, TurnWatch
+from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Reason
@@ -86,7 +86,6 @@ class Driver:
         outlast a jump back in time."""
         self._make_behavior(self._parameters)
         self._watch = StepWatch(f"{kind.__name__}.step", "a scan comes every", f"try zteam check {status.behavior}")
-        self._turns = TurnWatch(f"{kind.__name__}.step")
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
@@ -155,7 +154,6 @@ class Driver:
         # In lock-step the next scan waits.
         asking = partial(ask, self.behavior, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
-        self._turns.look(wanted)
         if chosen is not None:
             wanted, reason = chosen, ""
         if self._has_layer:

@@ -53,7 +53,7 @@ def run_team(
     if seconds is None and until is None:
         raise UsageError("run_team: give seconds or until: without an end there is no report")
     file = read_team_file(find_team(team), argument_texts(arguments or {}))
-    read_anew([*file.team.folders, ""])
+    read_anew()
     look_in([*file.team.folders, ""])
     chosen = check_team(file, find_world(world) if world is not None else None, here=True)
     if bus is None:

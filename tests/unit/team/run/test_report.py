@@ -201,3 +201,17 @@ def test_the_start_is_the_processs_own() -> None:
     importing, told = map(float, done.stdout.split())
     # The kernel counts in hundredths.
     assert importing - 0.02 < told < uptime() - before + 0.02
+
+
+def test_the_page_names_each_field() -> None:
+    """And no other: the file and Python have the same names."""
+    page = (Path(__file__).parents[4] / "docs" / "time.md").read_text()
+    rows = re.findall(r"^\| (.*?) \| (.*) \|$", page.partition("### The report of a run")[2].partition("\n## ")[0], re.M)
+    named = {name for first, _ in rows for name in re.findall(r"`(\w+)`", first)}
+    of_robots = set(RobotReport.__struct_fields__)
+    assert named - of_robots == set(RunReport.__struct_fields__)
+    assert set(RunReport.__struct_encode_fields__) == set(RunReport.__struct_fields__)
+    text = dict(rows)
+    assert of_robots - {"gap_m"} <= {*re.findall(r"`(\w+)`", text["`robots`"])}
+    for field, kind in (("timing_ms", Timing), ("latency_ms", Latency), ("processes", ProcessReport)):
+        assert {*kind.__struct_fields__} == {*re.findall(r"`(\w+)`", text[f"`{field}`"])}

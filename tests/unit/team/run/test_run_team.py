@@ -231,7 +231,8 @@ def test_a_notebook_runs_its_own_class_and_modules_as_they_stand(
     assert set(asked) == {"main"}
     (empty_folder / "pace.py").write_text("SPEED = 0.2\n")
     text = "from zteam import Behavior\nfrom zteam.messages import Twist, Vector3\nfrom pace import SPEED\n"
-    (empty_folder / "edited.py").write_text(f"{text}class Mine(Behavior):\n    step = lambda *_: Twist(Vector3(SPEED))\n")
+    text += "class Mine(Behavior):\n    step = lambda *_: Twist(Vector3(SPEED))\n"
+    (empty_folder / "edited.py").write_text(text)
     before = run("edited:Mine")
     assert before == run("edited:Mine") > 0.0
     (empty_folder / "pace.py").write_text("SPEED = 0.4  # edited\n")
