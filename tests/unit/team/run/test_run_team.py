@@ -213,7 +213,7 @@ def test_no_node_imports_zteam_in_its_own_thread(tmp_path: Path) -> None:
 def test_a_notebook_runs_its_own_class_and_modules_as_they_stand(
     empty_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A class of `__main__` is the object itself. A module that was edited is read again at the next run, and so is what
+    """A class of `__main__` is the object itself. An edited module is read again at the next run, and so is what
     imports it."""
     asked = list[str]()
 
