@@ -1,7 +1,7 @@
 """Errors that a user may see: each is one line that names the place and the fix. And texts that may be printed."""
 
+import contextlib
 from collections import abc
-from contextlib import suppress
 
 
 class ZteamError(Exception):
@@ -67,7 +67,7 @@ def check_call(function: object, arguments: int, text: str) -> None:
 
     try:
         # Some built-in functions have no signature: a ValueError.
-        with suppress(ValueError):
+        with contextlib.suppress(ValueError):
             inspect.signature(function).bind(*[None] * arguments)  # type: ignore[arg-type]
     except TypeError:
         raise UsageError(text) from None

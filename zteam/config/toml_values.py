@@ -98,7 +98,7 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
             start, depth = token.end(), 0
 
 
-def line_of_open_quote(text: str) -> int | None:
+def open_quote(text: str) -> int | None:
     """The line, from 1, of the first quote that is never closed; None if there is none."""
     found = next((token for token in _TOKEN.finditer(text) if token.lastgroup == "unclosed"), None)
     return None if found is None else 1 + text.count("\n", 0, found.start())

@@ -86,8 +86,6 @@ class UserStep:
         node.on_time_reset(self._forget)
 
     def _forget(self) -> None:
-        if self._node.ticks_tell_time:
-            self._rate = None
         self._held: tuple[int, Twist | None] = -1, None
         """Time (ns) and command of the first tick, which is held: GO opens that tick anew, and chance decides if it was
         answered before."""
@@ -118,6 +116,9 @@ class UserStep:
         if due.tick is not None and due.now == self._held[0]:
             return self._held[1]
         if due.tick is not None:
+            if due.tick.tick == 1:
+                # Simulated time begins, perhaps again.
+                self._rate = None
             if self._moments(due.now).left(due.now):
                 return None
             self._moments(due.now).take(due.now)
@@ -369,8 +370,7 @@ class Node(ProcessNode):
                     self.status.say_again()
 
     def _look_for_publishers(self) -> None:
-        """Once, when a team is there: log which of its keys nothing publishes. The answers take their
-        time, so a thread waits for them."""
+        """Once, when a team is there: log which of its keys nothing publishes. A thread waits for the answers."""
 
         def search() -> None:
             with suppress(BusError):

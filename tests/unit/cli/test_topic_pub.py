@@ -60,9 +60,7 @@ def test_it_warns_at_none_and_publishes(tools: MemoryHub, run: Run) -> None:
         ("PoseWithCovarianceStamped '{pose: {covariance: [.inf]}}'", "covariance: expected"),
     ],
 )
-def test_a_place_or_velocity_that_is_no_number_is_refused(
-    words: str, told: str, tools: MemoryHub, run: Run
-) -> None:
+def test_a_place_or_velocity_that_is_no_number_is_refused(words: str, told: str, tools: MemoryHub, run: Run) -> None:
     """Before anything is sent: the receiver would drop it without a word to the sender."""
     heard = list[RawSample]()
     tools.bus().subscribe_raw("x", heard.append)

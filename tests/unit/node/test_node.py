@@ -8,8 +8,8 @@ import pytest
 
 import zteam
 from support.limits import LIMIT
-from support.log_capture import captured_log
 from support.lockstep_doubles import HarnessFactory, ScriptedSimulator
+from support.log_capture import captured_log
 from support.played_node import play
 from support.transforms import stamped
 from zteam import names

@@ -14,15 +14,7 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import (
-    KeyPath,
-    TooDeepError,
-    key_lines,
-    line_of,
-    line_of_open_quote,
-    parse_value,
-    toml_text,
-)
+from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, open_quote, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -298,7 +290,7 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        if told.startswith(_OPEN_QUOTE) and (line := line_of_open_quote(data.decode("utf-8-sig"))):
+        if told.startswith(_OPEN_QUOTE) and (line := open_quote(data.decode("utf-8-sig"))):
             told, line_and_column = "the text that begins here has no closing quote", [str(line)]
         hint = _HINTS.get(told, "")
         if path.suffix.lower() != ".toml":

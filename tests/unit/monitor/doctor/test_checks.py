@@ -120,8 +120,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem transforms: no process tf -> zteam-tf",
         "problem monitor: no process monitor -> zteam-monitor --team-size 1",
         "problem robots: none -> zteam-robot --id 0",
-        "note data: a node of your own subscribes to robot_0/scan, which nothing publishes: did you mean "
-        "robot_0/base_scan? -> zteam topic list",
+        "note data: a node of your own subscribes to robot_0/scan, which … did you mean robot_0/base_scan? -> …",
     ),
     "robots by number, and a team of their size": (
         Facts(nodes=nodes("robot_10", "robot_2"), writers={"robot_2/base_scan": ["x"], "robot_10/base_scan": ["x"]}),

@@ -206,7 +206,8 @@ def test_the_start_is_the_processs_own() -> None:
 def test_the_page_names_each_field() -> None:
     """And no other: the file and Python have the same names."""
     page = (Path(__file__).parents[4] / "docs" / "time.md").read_text()
-    rows = re.findall(r"^\| (.*?) \| (.*) \|$", page.partition("### The report of a run")[2].partition("\n## ")[0], re.M)
+    section = page.partition("### The report of a run")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (.*?) \| (.*) \|$", section, re.M)
     named = {name for first, _ in rows for name in re.findall(r"`(\w+)`", first)}
     of_robots = set(RobotReport.__struct_fields__)
     assert named - of_robots == set(RunReport.__struct_fields__)

@@ -82,3 +82,12 @@ def test_a_mistake_is_told_in_one_line(idle: Team, call: Callable[[Any], object]
     assert words in str(told.value)
     assert "\n" not in str(told.value)
     assert not idle._watch.log or call is start_twice
+
+
+def test_a_test_that_lets_no_time_pass_is_told(idle: Team) -> None:
+    """What a failed test shows of a world that has stood still, and not of one that has gone on."""
+    assert not idle.stillness
+    idle.start("arena", in_process=True)
+    assert "team.run(seconds)" in idle.stillness
+    idle.run(0.1)
+    assert not idle.stillness
