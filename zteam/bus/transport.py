@@ -11,7 +11,7 @@ import msgspec
 import zenoh
 
 from zteam.clock import Sent
-from zteam.errors import BusError, DecodeError, ZteamError
+from zteam.errors import BusError, DecodeError, KeyExpressionError, ZteamError
 
 if TYPE_CHECKING:
     # The router needs neither messages nor numpy, and starts twice as fast without them.
@@ -73,7 +73,17 @@ def zenoh_text(error: zenoh.ZError) -> str:
 
 
 def problem_of(key: str) -> str:
-    """What is wrong with a key expression; empty if nothing is."""
+    """What is wrong with a key expression, and the one that is meant; empty if nothing is wrong."""
+    problem = _fault_of(key)
+    if not problem:
+        return ""
+    # Each robot is a part of its own, and users of ROS begin a topic with a slash.
+    meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
+    hint = f": write {meant!r}" if meant and not _fault_of(meant) else ""
+    return f"{key!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}"
+
+
+def _fault_of(key: str) -> str:
     try:
         zenoh.KeyExpr(key)
     except zenoh.ZError as error:
@@ -88,9 +98,10 @@ def matches(key_expr: str, other: str) -> bool:
 
 def check_use(action: str, key: str, closed: bool) -> None:
     """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
-    problem = "the session is closed" if closed else problem_of(key)
-    if problem:
-        raise BusError(f"cannot {action} {key}: {problem}")
+    if closed:
+        raise BusError(f"cannot {action} {key}: the session is closed")
+    if problem := problem_of(key):
+        raise KeyExpressionError(problem)
 
 
 def call(handler: Callable[..., object], *event: object) -> None:

@@ -35,12 +35,17 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
+def from_home(text: str) -> str:
+    """A text that begins with `~/`, which no shell has expanded, as a path of the user's folder; others as they are."""
+    return os.path.expanduser(text) if text.startswith("~/") else text  # noqa: PTH111
+
+
 def find_world(text: str | Path, folder: Path = Path()) -> Path:
     """The world file that a user names: a path from `folder`, else a shipped world.
 
     Raises UsageError with the shipped names.
     """
-    text = str(text)
+    text = from_home(str(text))
     found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
         raise UsageError(f"world {text!r}: that is a team; say 'zteam up {text}'")
@@ -52,7 +57,7 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
 
     Raises UsageError with the shipped names.
     """
-    text = str(text)
+    text = from_home(str(text))
     refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):

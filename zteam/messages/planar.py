@@ -1,12 +1,17 @@
 """Poses of messages in the plane, and back; and velocities that a step returns."""
 
+import logging
 import math
 from numbers import Real
 from typing import Any
 
+from zteam.clock import Every
 from zteam.errors import BehaviorError
-from zteam.geometry import FAR, Pose2, quaternion_from_yaw, yaw_from_quaternion
+from zteam.geometry import FAR, Pose2, quaternion_from_yaw, turn_problem, yaw_from_quaternion
 from zteam.messages.geometry_msgs import Point, Pose, Quaternion, Twist, Vector3
+
+log = logging.getLogger("zteam")
+_MAY_WARN = Every(60.0)
 
 
 def pose2_of(pose: Pose) -> Pose2:
@@ -41,6 +46,9 @@ def checked_command(command: Any, what: str) -> Twist:
             for speed in (command.linear.x, command.angular.z):
                 if not isinstance(speed, (float, Real)):
                     raise BehaviorError(f"{what} returned the speed {speed!r}; give numbers, m/s and rad/s")
+            if abs(command.angular.z) > math.tau and _MAY_WARN.due():
+                # Most likely its author means degrees; the base turns slower.
+                log.warning("%s: the turn rate %s", what, turn_problem(command.angular.z))
             return command
         raise BehaviorError(f"{what} returned {command!r}; return a Twist(Vector3(forward), Vector3(z=turn))")
     shown = "None" if command is None else f"a {type(command).__name__}"

@@ -170,8 +170,7 @@ class NavigationClient:
         if self.taker:
             return ""
         if self._holds(self._navigation):
-            silent = "it runs, but no tick of a simulator and no data of a base comes"
-            return f"the first status of {self._navigation}: {silent}"
+            return f"the first status of {self._navigation}, which runs: see 'zteam doctor'"
         runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
         return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
 

@@ -290,6 +290,12 @@ def check_data(facts: Facts) -> Iterator[Finding]:
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
 
 
+def check_unpublished(facts: Facts) -> Iterator[Finding]:
+    """Keys to which a node of a user's own subscribes in vain."""
+    for key, near in facts.unpublished.items():
+        yield note("data", f"a node of your own subscribes to {key}, which nothing publishes{near}", "zteam topic list")
+
+
 def check_writers(facts: Facts) -> Iterator[Finding]:
     """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
     for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
@@ -417,6 +423,7 @@ _CHECKS = (
     check_frames,
     check_silence,
     check_data,
+    check_unpublished,
     check_writers,
     check_map,
     check_refusals,

@@ -9,7 +9,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
+from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens, unpublished
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, find_strangers, read_admin
@@ -64,6 +64,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             for key, samples in heard.items()
         },
         publishers=_publishers(graph, lambda each: each.publishes, places),
+        unpublished=unpublished(graph, _own_subscriptions(graph), heard),
         faults=faults,
         dropped=_publishers(graph, lambda each: each.dropped, {}),
         counts={
@@ -139,6 +140,13 @@ def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Dec
         if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
             users.setdefault(each.key, set()).add(each.session)
     return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
+
+
+def _own_subscriptions(graph: Graph) -> set[str]:
+    """What the users' own nodes subscribe to, without what all of them do."""
+    own = {node.instance for node in graph.processes if kinds.kind_of(node.name) is None}
+    common = {names.CLOCK, names.TICK}
+    return {each.key for each in graph.declarations if not each.publishes and each.session in own} - common
 
 
 def _publishers(graph: Graph, counts: Callable[[Declaration], bool], places: Mapping[str, str]) -> dict[str, list[str]]:

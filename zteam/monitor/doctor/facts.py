@@ -82,6 +82,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """The processes that published on each key, by name."""
     publishers: Mapping[str, Sequence[str]] = {}
     """The processes that have a publisher of each key, by name; those of other programs than zteam's are not known."""
+    unpublished: Mapping[str, str] = {}
+    """Keys to which nodes of users subscribe, and which nothing publishes, with the words on the key that is meant."""
     faults: Sequence[UnusableMessages] = ()
     dropped: Mapping[str, Sequence[str]] = {}
     """The processes, by name, that publish on a key on which the router drops what they send, by key."""

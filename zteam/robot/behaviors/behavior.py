@@ -3,7 +3,7 @@ the safety layer under its answer."""
 
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import msgspec
 
@@ -92,6 +92,12 @@ class Behavior:
     """What it says of its goal, for `robot_N/navigation/status`; None if it takes no goals. Its step changes it."""
     reason: str = ""
     """Why it stands still, for the robot's status; empty while it does not."""
+
+    def __new__(cls, params: Any = None, *_: object) -> Self:
+        """A subclass with an `__init__` of its own has its parameters also where that does not call this one's."""
+        made = super().__new__(cls)
+        made.params = params
+        return made
 
     def __init__(self, params: Any) -> None:
         self.params = params

@@ -209,6 +209,8 @@ class Driver:
         if self.absence and has_none:
             return [f"its first scan: {self.absence}"]
         lacking = missing(view, self.behavior) + self._inputs.missing()
+        if self.absence and lacking:
+            lacking[-1] += f": {self.absence}"
         if self.is_alone and has_none:
             lacking[-1] += f": {ALONE}"
         return lacking

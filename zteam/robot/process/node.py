@@ -24,7 +24,7 @@ from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
-from zteam.simulator.client import absence_text, read_status
+from zteam.simulator.client import absence_of, absence_text, read_status
 
 log = logging.getLogger("zteam")
 
@@ -221,7 +221,7 @@ class RobotNode:
         before, self._scan = self._scan, self._inputs.scan
         node, driver = self._node, self.driver
         if self._scan is not before:
-            driver.absence = ""
+            driver.absence = self._find_leader()
             self._tell_outage("")
             return
         try:
@@ -239,6 +239,13 @@ class RobotNode:
         elif self._id not in status.robots:
             driver.absence = f"{node.name} is {absence_text(self._id, status.robots)}"
         driver.is_alone = status is None
+
+    def _find_leader(self) -> str:
+        """Before GO: why the pose of the leader cannot come; empty if it is in the world, or nothing is known of it."""
+        leader = self.driver.behavior.leader
+        if leader is None or self._node.readiness.released:
+            return ""
+        return absence_of(self._node.bus, leader)
 
     def _find_outage(self) -> str:
         """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""

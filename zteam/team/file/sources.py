@@ -14,7 +14,7 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
+from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, open_quote, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -28,6 +28,15 @@ _BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 _REFERENCE = re.compile(
     rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
 )
+
+
+_HINTS = {
+    "Invalid value": "; text needs quotes (numbers such as 0.5, true and false do not)",
+    "Expected '=' after a key in a key/value pair": "; write key = value",
+}
+"""The way out, by what tomllib finds wrong."""
+_OPEN_QUOTE = (r"Illegal character '\n'", 'Expected "\'"', "Unterminated string", "Unclosed array")
+"""How begins what it finds wrong where a quote is missing."""
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -129,7 +138,9 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return table
     if isinstance(value, list):
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
-    return fill(value, place) if fill and isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    return fill(value, place) if fill else resources.from_home(value)
 
 
 class Argument(NamedTuple):
@@ -239,7 +250,7 @@ class Files:
         whole = _REFERENCE.fullmatch(text)
         if whole is not None and not whole["escape"]:
             return _placed(take(whole)[0], place)
-        return _REFERENCE.sub(lambda found: take(found)[1], text)
+        return resources.from_home(_REFERENCE.sub(lambda found: take(found)[1], text))
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])
@@ -292,6 +303,10 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        hint = "; text needs quotes" if told == "Invalid value" else ""
+        if told.startswith(_OPEN_QUOTE) and (line := open_quote(data.decode("utf-8-sig"))):
+            told, line_and_column = "the text that begins here has no closing quote", [str(line)]
+        hint = _HINTS.get(told, "")
+        if path.suffix.lower() != ".toml":
+            hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
         hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
         raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None

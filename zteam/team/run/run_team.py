@@ -11,6 +11,7 @@ from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop
+from zteam.robot.behaviors.registry import look_in, read_anew
 from zteam.team.file.reading import read_team_file, set_map_resolution
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
@@ -55,7 +56,9 @@ def run_team(
         raise UsageError("run_team: give seconds or until: without an end there is no report")
     file = read_team_file(find_team(team), argument_texts(arguments or {}))
     set_map_resolution(file, map_resolution)
-    chosen = check_team(file, find_world(world) if world is not None else None)
+    read_anew()
+    look_in([*file.team.folders, ""])
+    chosen = check_team(file, find_world(world) if world is not None else None, here=True)
     if bus is None:
         refuse_nodes(file, "give run_team a bus, or use zteam up")
     if chosen is None:

@@ -115,11 +115,12 @@ def boots(robot_id: int, text: str, leader: int = -1) -> RobotStatus:
 FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     "a team that works": (team_facts(),),
     "no process": (
-        Facts(writers={"clock": ["sim"]}),
+        Facts(writers={"clock": ["sim"]}, unpublished={"robot_0/scan": ": did you mean robot_0/base_scan?"}),
         "problem simulator: no process sim -> zteam-sim WORLD (or real robots that publish the same keys)",
         "problem transforms: no process tf -> zteam-tf",
         "problem monitor: no process monitor -> zteam-monitor --team-size 1",
         "problem robots: none -> zteam-robot --id 0",
+        "note data: a node of your own subscribes to robot_0/scan, which … did you mean robot_0/base_scan? -> …",
     ),
     "robots that one program drives": (
         team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), statuses={}),
