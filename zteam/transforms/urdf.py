@@ -115,7 +115,7 @@ def read_description(path: Path) -> Description:
 
 
 def _read_xml(path: Path) -> ElementTree.Element:
-    """The root of an XML file. Prefixes need no declaration: below <gazebo> people leave it out, and urdfdom reads on."""
+    """The root of an XML file. As in urdfdom, prefixes need no declaration: below <gazebo> people leave it out."""
     data = read_file(path, "robot description", MAX_BYTES, ConfigError)
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
 
