@@ -5,9 +5,8 @@ own names; the merger puts a robot's prefix before them.
 """
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping
 from contextlib import suppress
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -22,8 +21,7 @@ from zteam.transforms.rigid import Floats, compose, stamped_transform
 MAX_BYTES = 8 * 2**20
 _MOVING = ("revolute", "continuous", "prismatic")
 _KINDS = ("fixed", *_MOVING, "floating", "planar")
-"""The last two have more than one coordinate: another node has to publish the transforms of their children, as in ROS.
-"""
+"""The last two have more than one coordinate: as in ROS, another node has to publish where their children are."""
 _LINE = "line of the file"
 """The attribute, of a name that no file can have, with the line of an element."""
 
@@ -90,8 +88,6 @@ def read_description(path: Path) -> Description:
     if root.tag != "robot":
         raise ConfigError(f"{path}: not a URDF file, which is a <robot>, but a <{root.tag:.40}>")
     links, elements = _by_name(path, root, "link"), _by_name(path, root, "joint")
-    if not links:
-        raise ConfigError(f"{path}: a robot needs a <link>")
     joints, parents = dict[str, Joint](), dict[str, str]()
     for name, element in elements.items():
         joint, place = _read_joint(path, element), _place(path, element)
@@ -102,16 +98,19 @@ def read_description(path: Path) -> Description:
             raise ConfigError(f"{place}: link {joint.child!r:.60} hangs on a joint above: a link has one parent")
         joints[name], parents[joint.child] = joint, joint.parent
     roots = [name for name in links if name not in parents]
-    if len(roots) > 1:
-        place = _place(path, links[roots[1]])
-        raise ConfigError(f"{place}: hangs on no joint, and neither does {roots[0]!r:.60}: a robot has one root link")
-    leaders = {name: joint.mimic[0] for name, joint in joints.items() if joint.mimic is not None}
-    depths = _depths(leaders)
-    circles = [links[name] for name in sorted(parents.keys() - _depths(parents).keys())]
-    circles += [elements[name] for name in sorted(leaders.keys() - depths.keys())]
-    for element in circles:
-        raise ConfigError(f"{_place(path, element)}: its parents, or the joints that it mimics, lead back to it")
-    return Description(tuple(sorted(joints.values(), key=lambda joint: depths.get(joint.name, 0))))
+    if len(roots) != 1:
+        line = (links[roots[-1]] if roots else root).get(_LINE)
+        text = f"a robot has one <link> that hangs on no joint; here are {len(roots)}: {', '.join(roots)}"
+        raise ConfigError(f"{path}:{line}: {text:.200}")
+    leaders = {name: [joint.mimic[0]] if joint.mimic else [] for name, joint in joints.items()}
+    try:
+        [*TopologicalSorter({child: [parent] for child, parent in parents.items()}).static_order()]
+        order = [*TopologicalSorter(leaders).static_order()]
+    except CycleError as error:
+        circle = error.args[1]
+        place = _place(path, (links | elements)[circle[0]])
+        raise ConfigError(f"{place}: it hangs on or mimics itself, over {', '.join(circle):.60}") from None
+    return Description(tuple(joints[name] for name in order if name in joints))
 
 
 def _read_xml(path: Path) -> ElementTree.Element:
@@ -158,27 +157,13 @@ def _by_name(path: Path, root: ElementTree.Element, tag: str) -> dict[str, Eleme
     return found
 
 
-def _depths(ahead: Mapping[str, str]) -> dict[str, int]:
-    """For each name how many steps it is, along `ahead`, to a name with none ahead; without those of circles."""
-    behind = defaultdict[str, list[str]](list)
-    for name, leader in ahead.items():
-        behind[leader].append(name)
-    depths = dict.fromkeys(behind.keys() - ahead.keys(), 0)
-    due = [*depths]
-    for leader in due:
-        for name in behind[leader]:
-            depths[name] = depths[leader] + 1
-            due.append(name)
-    return depths
-
-
 def _place(path: Path, element: ElementTree.Element) -> str:
     return f"{path}:{element.get(_LINE)}: {element.tag} {element.get('name') or '(without a name)'!r:.60}"
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> Joint:
     """A joint; of each kind those of its elements that urdfdom reads."""
-    place, kind = _place(path, element), element.get("type", "")
+    place, name, kind = _place(path, element), element.get("name", ""), element.get("type", "")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if kind not in _KINDS or not parent or not child:
         kinds = f"a type of {', '.join(_KINDS)} (not {kind!r:.40})"
@@ -196,11 +181,8 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint:
         mimic = (_attribute(element, "mimic", "joint"), multiplier, offset)
         if not mimic[0]:
             raise ConfigError(f"{place}: needs <mimic joint=…/>, the joint that it follows")
-    parent_from_joint, axis = (
-        (x, y, z, *quaternion_from_rpy(roll, pitch, yaw)),
-        (ahead / length, left / length, up / length),
-    )
-    return Joint(element.get("name", ""), kind, parent, child, parent_from_joint, axis, mimic)
+    parent_from_joint = (x, y, z, *quaternion_from_rpy(roll, pitch, yaw))
+    return Joint(name, kind, parent, child, parent_from_joint, (ahead / length, left / length, up / length), mimic)
 
 
 def _attribute(element: ElementTree.Element, tag: str, name: str) -> str:

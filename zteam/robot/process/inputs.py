@@ -195,7 +195,9 @@ class RobotInputs:
         return {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
 
     def missing(self) -> list[str]:
-        """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
+        """As nouns for the robot's status: `base_info`, while it has to come before the robot is ready, and stamps."""
+        if self.scan is not None and not self.scan_stamp:
+            return [f"a time stamp in its scans ({names.scan_key(self._id, 0)}), which have 0"]
         key = names.robot_key(self._id, names.BASE_INFO)
         return [] if self._id in self._told or self._given_up else [f"its footprint ({key})"]
 
