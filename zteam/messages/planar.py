@@ -11,9 +11,6 @@ from zteam.geometry import FAR, Pose2, quaternion_from_yaw, yaw_from_quaternion
 from zteam.messages.geometry_msgs import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
 from zteam.messages.std_msgs import ns_from_time
 
-_LEAST_NORM = 1e-3
-"""A shorter quaternion is no orientation; any other is taken for its direction."""
-
 
 def pose2_of(pose: Pose) -> Pose2:
     """The planar part of a pose (m, rad), whose orientation is a unit quaternion."""
@@ -30,7 +27,7 @@ def planar(pose: Pose) -> Pose2 | None:
     """A pose of the wire in the plane; None if it is not finite, too far away, or its orientation is no rotation."""
     p, q = pose.position, pose.orientation
     norm = math.hypot(q.x, q.y, q.z, q.w)
-    if not (abs(p.x) <= FAR and abs(p.y) <= FAR and _LEAST_NORM <= norm < math.inf):
+    if not (abs(p.x) <= FAR and abs(p.y) <= FAR and 1e-3 <= norm < math.inf):
         return None
     return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))
 
@@ -46,9 +43,9 @@ def goal_in_map(goal: PoseStamped, robot_id: int, find: Callable[..., tuple[Pose
     frame = names.strip_slash(goal.header.frame_id) or names.MAP_FRAME
     if pose is None:
         return "the goal is not finite, too far away, or its orientation is no rotation"
+    if frame == names.MAP_FRAME:
+        return pose
     for known in (frame, names.robot_frame(robot_id, frame)):
-        if frame == names.MAP_FRAME:
-            return pose
         if place := find(names.MAP_FRAME, known):
             place = find(names.MAP_FRAME, known, time) if 0 < time < place[1] else place
             return place[0].compose(pose) if place else f"the goal is too old: where {known} was then is not known"

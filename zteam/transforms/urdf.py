@@ -84,7 +84,6 @@ def read_description(path: Path) -> Description:
     As in urdfdom, the joints must make one tree of all links.
     """
     root = _read_xml(path)
-    _refuse_xacro(path, root)
     if root.tag != "robot":
         raise ConfigError(f"{path}: not a URDF file, which is a <robot>, but a <{root.tag:.40}>")
     links, elements = _by_name(path, root, "link"), _by_name(path, root, "joint")
@@ -100,7 +99,7 @@ def read_description(path: Path) -> Description:
     roots = [name for name in links if name not in parents]
     if len(roots) != 1:
         line = (links[roots[-1]] if roots else root).get(_LINE)
-        text = f"a robot has one <link> that hangs on no joint; here are {len(roots)}: {', '.join(roots)}"
+        text = f"a robot has one <link> that hangs on no joint; here: {', '.join(roots) or 'none'}"
         raise ConfigError(f"{path}:{line}: {text:.200}")
     leaders = {name: [joint.mimic[0]] if joint.mimic else [] for name, joint in joints.items()}
     try:
@@ -114,11 +113,20 @@ def read_description(path: Path) -> Description:
 
 
 def _read_xml(path: Path) -> ElementTree.Element:
-    """The root of an XML file. As in urdfdom, prefixes need no declaration: below <gazebo> people leave it out."""
+    """The root of an XML file. As in urdfdom, prefixes need no declaration: below <gazebo> people leave it out.
+
+    A file that xacro has written may still declare its namespace; it has no elements and no values of it.
+    """
     data = read_file(path, "robot description", MAX_BYTES, ConfigError)
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    builder, parser, xacro = ElementTree.TreeBuilder(), expat.ParserCreate(), {"xacro"}
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
+        declared = [name for name, value in attributes.items() if value.rstrip("/").endswith("/xacro")]
+        xacro.update(name.removeprefix("xmlns:") for name in declared)
+        found = [value for value in attributes.values() if "${" in value or "$(" in value]
+        if found or (":" in tag and tag.partition(":")[0] in xacro):
+            place, what = f"{path}:{parser.CurrentLineNumber}", [*found, f"<{tag}>"][0]
+            raise ConfigError(f"{place}: {what:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
         builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
 
     def refuse(*_: Any) -> None:
@@ -131,20 +139,6 @@ def _read_xml(path: Path) -> ElementTree.Element:
         # LookupError: an encoding that Python does not have.
         raise ConfigError(f"{path}: not XML: {error}") from None
     return builder.close()
-
-
-def _refuse_xacro(path: Path, root: ElementTree.Element) -> None:
-    """A file that xacro has written may still declare its namespace; it has no elements and no values of it."""
-    prefixes = {"xacro"}
-    for element in root.iter():
-        declared = [name for name, value in element.items() if value.rstrip("/").endswith("/xacro")]
-        prefixes.update(name.removeprefix("xmlns:") for name in declared)
-        prefix, colon, _ = element.tag.partition(":")
-        found = [f"<{element.tag}>"] if colon and prefix in prefixes else []
-        found += [value for value in element.attrib.values() if "${" in value or "$(" in value]
-        if found:
-            text = f"{found[0]:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf (or put its value there)"
-            raise ConfigError(f"{path}:{element.get(_LINE)}: {text}")
 
 
 def _by_name(path: Path, root: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:

@@ -108,9 +108,7 @@ def check_strays(facts: Facts) -> Iterator[Finding]:
     aggregator = {node.name for node in facts.nodes if node.instance in sessions}
     writers = {writer for key in (names.TF, names.TF_STATIC) for writer in facts.writers.get(key, ())}
     if strays := sorted(writers - aggregator):
-        text = (
-            f"{', '.join(strays)} publishes on tf or tf_static: a robot's transforms are due on robot_N/tf and …_static"
-        )
+        text = f"{', '.join(strays)} publishes on tf or tf_static: those of a robot are due on robot_N/tf, …_static"
         yield problem("transforms", text, "give each zenoh-bridge-ros2dds the namespace /robot_N, or rename its topics")
 
 
@@ -131,9 +129,7 @@ def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
     robot, status = names.robot_name(robot_id), facts.statuses.get(robot_id)
     for key, seconds in sorted(facts.leads.items()):
         if key.startswith(f"{robot}/") and abs(seconds) > _HARMLESS:
-            text = (
-                f"{key} is stamped {abs(seconds):.0f} s {'ahead of' if seconds > 0.0 else 'behind'} this host's clock"
-            )
+            text = f"{key} is stamped {abs(seconds):.0f} s {'ahead of' if seconds > 0.0 else 'behind'} this host"
             step = "have the base stamp its data by its machine's clock (not 0, nor since its boot), and NTP set that"
             return problem("stamps", text, step)
     if facts.frames is None or facts.lacks(robot_id) or (status is not None and status.speed):

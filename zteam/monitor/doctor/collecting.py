@@ -75,7 +75,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        leads={} if after or any(node.name == names.SIMULATOR for node in nodes) else find_leads(newest, survey.times),
+        leads={} if before or after or names.CLOCK in heard else find_leads(newest, survey.times),
         lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",

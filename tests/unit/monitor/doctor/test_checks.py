@@ -411,7 +411,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
             frames=IN_MAP, leads={"robot_0/odom": 1.1, "robot_1/odom": 3600.2, "robot_1/base_scan": -1.79e9},
         ),
         "note simulator: no process sim: …",
-        "problem stamps: robot_1/base_scan is stamped 1790000000 s behind this host's clock -> have the base stamp …",
+        "problem stamps: robot_1/base_scan is stamped 1790000000 s behind this host -> have the base stamp …",
         "problem robots: robot_1 is not ready (boot): waiting -> have the base stamp …",
     ),
     "a base that has no scans": (
