@@ -117,11 +117,13 @@ def check_bases(facts: Facts) -> Iterator[Finding]:
     yield from filter(None, (_base_problem(facts, robot_id) for robot_id in facts.robots))
     frames, due = facts.frames or {}, (names.ODOM, names.BASE_FOOTPRINT)
     told = {robot_id for robot_id in facts.robots if _gap(frames, robot_id)}
-    for child, parent in sorted(frames.items()):
+    # One child of each.
+    for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
         robot_id, local = names.split_robot_key(parent) or (-1, parent)
         if parent not in {*frames, *names.GLOBAL_FRAMES} and robot_id not in told and local not in due:
-            step = f"publish {parent} as well, or give {child} another parent{did_you_mean(parent, frames)}"
-            yield problem("transforms", f"{child} hangs on {parent}, which is in no tree", step)
+            step = f"say where {parent} is ([[static_transforms]] of the team file)"
+            step = f"{step}, or give {child} another parent{did_you_mean(parent, frames)}"
+            yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
 
 
 def _base_problem(facts: Facts, robot_id: int) -> Finding | None:

@@ -216,12 +216,11 @@ class GoTo(Behavior):
 
     def _on_goal(self, message: PoseStamped, view: View) -> None:
         """One that is repeated changes nothing on the way; it counts anew at the goal."""
-        found, goal = goal_in_map(message, view.robot_id, view.lookup), None
+        found = goal_in_map(message, view.robot_id, view.lookup)
+        goal, self.reason = (found, "") if isinstance(found, Pose2) else (None, found)
         self.navigation.goal, self.navigation.distance_remaining = message, 0.0
-        if isinstance(found, Pose2):
-            goal, self.reason = found, ""
-        else:
-            self.navigation.state, self.reason = NavigationState.ABORTED, found
+        if goal is None:
+            self.navigation.state = NavigationState.ABORTED
         if goal != self._goal or self._is_there:
             self._is_there, self._boundary = False, None
         self._goal = goal

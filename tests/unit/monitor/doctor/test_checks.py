@@ -387,11 +387,11 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(
             frames={
                 **IN_MAP, **of_robot(1, {"odom": "map", "base_footprint": "odom"}),
-                "door": "hall", "robot_1/camera": "robot_1/base_footprnt",
+                "window": "hall", "door": "hall", "robot_1/camera": "robot_1/base_footprnt",
                 "robot_2/base_link": "robot_2/base_footprint",
             },
         ),
-        "problem transforms: door hangs on hall, which is … -> publish hall as well, or give door another parent",
+        "problem transforms: door hangs on hall, which … -> say where hall is (… file), or give door another parent",
         "problem transforms: robot_1/camera hangs on … another parent (did you mean robot_1/base_footprint?)",
     ),
     "transforms that go past the aggregator": (
