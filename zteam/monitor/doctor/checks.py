@@ -121,8 +121,8 @@ def check_bases(facts: Facts) -> Iterator[Finding]:
     for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
         robot_id, local = names.split_robot_key(parent) or (-1, parent)
         if parent not in {*frames, *names.GLOBAL_FRAMES} and robot_id not in told and local not in due:
-            step = f"say where {parent} is ([[static_transforms]] of the team file)"
-            step = f"{step}, or give {child} another parent{did_you_mean(parent, frames)}"
+            step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
+            step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
             yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
 
 
