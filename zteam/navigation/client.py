@@ -62,9 +62,9 @@ def find_robot_id(text: str) -> int:
     return names.parse_robot_id(text) if found is None else found
 
 
-def goal_message(pose: Pose2) -> PoseStamped:
-    """A planar pose (m, rad) in `map` as a message."""
-    return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
+def goal_message(pose: Pose2, frame: str = names.MAP_FRAME) -> PoseStamped:
+    """A planar pose (m, rad) in a frame as a message."""
+    return PoseStamped(Header(frame_id=frame), pose_message(pose))
 
 
 def goal_text(goal: PoseStamped) -> str:

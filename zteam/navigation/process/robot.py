@@ -6,7 +6,7 @@ from collections.abc import Collection
 from zteam import names
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped
-from zteam.messages.planar import is_finite, planar
+from zteam.messages.planar import goal_in_map, is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
@@ -105,7 +105,7 @@ class RobotNavigation:
         if isinstance(message, str):
             self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {message}")
         elif message is not None:
-            goal = _read_goal(message, self.inputs)
+            goal = goal_in_map(message, self.inputs.robot_id, self.inputs.find)
             if isinstance(goal, Pose2):
                 self.navigator.accept(message, goal)
             else:
@@ -165,14 +165,3 @@ class RobotNavigation:
         if problem:
             return problem, has_old_scan or (localiser is not None and localiser.is_outdated)
         return inputs.is_held(now), True
-
-
-def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
-    """The goal in `map`, or why it is none. Without a frame it is in `map`."""
-    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
-    pose, place = planar(message.pose), inputs.find(names.MAP_FRAME, frame)
-    if place is None:
-        return f"the goal is in the frame {frame!r}, which no transform leads to"
-    if pose is None:
-        return "the goal is not finite, too far away, or its orientation is no rotation"
-    return place[0].compose(pose)

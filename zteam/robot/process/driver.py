@@ -29,7 +29,7 @@ log = logging.getLogger("zteam")
 
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
-ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
+ALONE = "nothing comes from its base (or zteam-sim WORLD)"
 
 
 class SafetyLog:
@@ -211,6 +211,6 @@ class Driver:
         lacking = missing(view, self.behavior) + self._inputs.missing()
         if self.absence and lacking:
             lacking[-1] += f": {self.absence}"
-        if self.is_alone and has_none:
+        if self.is_alone and has_none and view.odom is None:
             lacking[-1] += f": {ALONE}"
         return lacking

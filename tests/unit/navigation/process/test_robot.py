@@ -255,7 +255,7 @@ def test_parameters_that_do_not_fit_the_map_are_told() -> None:
     ("place", "text"),
     [
         ({"x": 40.0}, "outside of the map"),
-        ({"x": 1.0, "frame": "odoom"}, "'odoom', which no transform leads to"),
+        ({"x": 1.0, "frame": "odoom"}, "'odoom', from which no transform leads to"),
         ({"x": math.nan}, "the goal is not finite, too far away, or its orientation is no rotation"),
         ({"x": 1.0, "w": 0.0}, "the goal is not finite, too far away, or its orientation is no rotation"),
     ],
@@ -284,10 +284,11 @@ def test_a_goal_that_cannot_be_read_stops_it() -> None:
     assert robot.step().x > 0.0
 
 
-def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
-    """It is taken to the map where the robot is now."""
+@pytest.mark.parametrize("frame", ["/robot_0/base_footprint", "base_footprint", "odom", "/odom", "robot_0/odom", ""])
+def test_a_goal_may_be_in_a_frame_of_the_robot(frame: str) -> None:
+    """It is taken to the map where the robot is now, with the frame's full name or the robot's own one."""
     robot = driving()
-    robot.inputs.newest[names.GOAL_POSE] = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
+    robot.inputs.newest[names.GOAL_POSE] = make_goal(1.5, 0.0, 0.5, frame)
     robot.step()
     assert robot.robot.navigator.goal == pytest.approx((1.5, 0.0, 0.5))
 
