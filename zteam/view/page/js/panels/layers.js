@@ -8,8 +8,8 @@ import { el, reconcile, setText } from "./dom.js";
 /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout @returns {import("./tabs.js").Tab} */
 export function layersTab(app, layout) {
   const { layers } = app;
-  const fit = el("button", { type: "button", onclick: () => /** @type {any} */ (app).scene?.fit() }, "Fit the map");
-  const north = el("button", { type: "button", onclick: () => app.camera.set({ angle: 0 }) }, "Reset the rotation: x to the right");
+  const fit = el("button", { type: "button", onclick: () => app.scene?.fit() }, "Show the whole map");
+  const north = el("button", { type: "button", onclick: () => app.camera.set({ angle: 0 }) }, "Turn the map back");
   const parts = GROUPS.map((group) => groupPart(app, group));
   const page = el("div", { class: "page" }, el("div", { class: "scroll" }, el("div", { class: "row under" }, fit, north), ...parts.map(({ element }) => element)));
   let open = false;

@@ -79,7 +79,7 @@ export function mountPanels(app) {
 }
 
 /** @param {import("../app.js").App} app @returns {import("../layout.js").Part} */
-function cameraPart({ camera }) {
+function cameraPart({ camera, scene }) {
   return {
     get: () => {
       const { x, y, scale, angle, follow } = camera.get();
@@ -89,7 +89,7 @@ function cameraPart({ camera }) {
     },
     set: (text) => {
       const parts = text.split(","), robot = /^robot (\d+)$/.exec(parts[0]);
-      if (text === UNPLACED) return;
+      if (text === UNPLACED) return scene?.keepTeam();
       const numbers = parts.slice(robot ? 1 : 0).map(Number);
       if (numbers.length !== (robot ? 2 : 4) || !numbers.every(Number.isFinite)) return;
       const [scale, angle] = numbers.slice(-2);

@@ -48,7 +48,7 @@ export function listenToKeys(app, cursor, cancel) {
   const actions = {
     Escape: cancel,
     d: () => app.drive?.set(true),
-    f: () => app.scene?.fit(),
+    f: () => app.scene?.keepTeam(),
     Home: () => app.scene?.fit(),
     F: () => toggleFollow(app),
     n: () => zoom(1, -normalize(camera.angle)),

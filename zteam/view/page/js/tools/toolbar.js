@@ -47,14 +47,13 @@ function makeButton(name, title, act) {
 export function mountToolbar(app, bar) {
   const tools = TOOLS.map(({ name, title }) => makeButton(name, title, () => app.useTool(name)));
   const drive = makeButton("drive", "Drive the selected robot (d)", () => app.drive?.set(!app.drive.mode));
-  const fit = makeButton("fit", "Show the whole map (f)", () => app.scene?.fit());
+  const fit = makeButton("fit", "Keep the team in view (f); Home shows the whole map", () => app.scene?.keepTeam());
   const follow = makeButton("follow", "Follow the selected robot with the view (Shift+F)", () => toggleFollow(app));
   bar.append(...tools, drive, separator(), fit, follow);
 
-  let followed = app.camera.follow;
-  app.store.on("camera", () => {
-    if (followed === app.camera.follow) return;
-    followed = app.camera.follow;
+  let looks = "";
+  app.store.on("camera", ({ follow: robot, placed }) => {
+    if (looks === (looks = `${robot} ${placed}`)) return;
     show();
   });
 
@@ -66,6 +65,7 @@ export function mountToolbar(app, bar) {
     }
     drive.disabled = !commands;
     drive.setAttribute("aria-pressed", String(app.drive?.mode ?? false));
+    fit.setAttribute("aria-pressed", String(!app.camera.placed));
     follow.setAttribute("aria-pressed", String(app.camera.follow >= 0));
   }
   for (const name of ["tool", "drive", "connection"]) app.store.on(name, show);
