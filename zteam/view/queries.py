@@ -178,7 +178,7 @@ class TeamQueries:
             # The aggregator does not send a tick's bundle twice.
             if self._received.get(names.TF) is None:
                 for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                    self._received.take(names.TF, bundle.content)
+                    self._received.take(names.TF, bundle.content, topic=names.TF)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
 
     def _ask_counts(self) -> None:

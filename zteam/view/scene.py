@@ -167,6 +167,11 @@ _NOTHING = 0, LaserScan(), Pose2(0.0, 0.0, 0.0)
 """Number, scan and pose in the place of a scan whose place is not known any more: without beams nothing is drawn."""
 
 
+def no_scan(robot_id: int, index: int) -> bytes:
+    """The block of a robot's laser of which nothing is drawn."""
+    return frames.encode_scan(robot_id, index, *_NOTHING[1:], beams=1)
+
+
 class Scene:
     """The thread that makes frames makes all calls."""
 
@@ -198,8 +203,8 @@ class Scene:
             self._poses = number, frames.encode_poses(state.poses, truth=state.places.from_truth)
         return self._poses
 
-    def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
-        """Key, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
+    def scans(self, robot_id: int, beams: int) -> Iterator[tuple[int, int, bytes]]:
+        """Index, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
         and whose place is not known any more an empty one."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
@@ -209,7 +214,7 @@ class Scene:
                 if known is None or known[0] != number:
                     block = frames.encode_scan(robot_id, index, scan, sensor, beams)
                     known = self._blocks[key, beams] = number, block
-                yield key, known[0], known[1]
+                yield index, known[0], known[1]
             index += 1
 
     def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:
@@ -284,7 +289,8 @@ class Scene:
                 present=speaks_now if sim is None else is_in_world,
                 alive=alive,
                 status=queries.status_of(robot_id),
-                age=now - max(queries.team.robot(robot_id).spoke, FREEZES.look()),
+                # A status may have come since.
+                age=max(0.0, now - max(queries.team.robot(robot_id).spoke, FREEZES.look())),
                 base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),

@@ -42,6 +42,10 @@ def shown(pose: Pose2 | None) -> Pose2 | None:
     return pose if pose is not None and abs(pose.x) <= FAR and abs(pose.y) <= FAR else None
 
 
+MOST_BUNDLES = 500
+"""Messages of transforms that are taken in one look: where time runs fast there may be more."""
+
+
 class Places:
     """Reads what has come since the last look. One thread makes all calls."""
 
@@ -82,12 +86,15 @@ class Places:
             if names.TF in self._taken:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
-        arrival, bundle = self._take(names.TF, TFMessage)
-        if arrival and bundle:
+        # Each message counts: after the one of the bases comes one of each localiser, within milliseconds.
+        for arrival in self._received.since(names.TF, self._taken.get(names.TF, 0))[-MOST_BUNDLES:]:
+            if (bundle := arrival.read(TFMessage)) is None:
+                continue
             stamp = bases_stamp(bundle)
             if stamp and stamp < self.stamp:
                 # Time was set back: what was known of the other time does not count.
                 self.buffer.clear()
+            self._taken[names.TF] = arrival.number
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp or self.stamp
             self.buffer.set_transforms(bundle.transforms, names.TF, self.stamp)
         found = {}
