@@ -121,11 +121,11 @@ def test_a_paused_plot_stands_still(team: TeamFixture, screen: Screen) -> None:
     start(team, screen, "&plots=robot_0/odom:header.stamp.sec&dock=plots")
     value = "Number(document.querySelector('#page-plots .chip output')?.textContent || NaN)"
     screen.wait(f"{value} > 0")
-    screen.page.click("#page-plots button:text-is('Pause')")
+    screen.page.click("#page-plots button:text-is('Freeze')")
     stands = screen.ask(value)
     screen.wait("stamp => zteam.app.store.frame.stamp > stamp + 2", stands)
     assert screen.ask(value) == stands
-    screen.page.click("#page-plots button:text-is('Resume')")
+    screen.page.click("#page-plots button:text-is('Go on')")
     screen.wait(f"stands => {value} > stands", stands)
 
 

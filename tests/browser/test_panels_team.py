@@ -24,7 +24,7 @@ def test_the_table_says_what_the_robots_do(team: TeamFixture, screen: Screen) ->
         cells = screen.page.locator(ROW.format(robot)).locator("td")
         screen.page.wait_for_selector(f"{ROW.format(robot)} td:text-is('running')")
         assert cells.nth(2).inner_text() == behavior
-    screen.page.wait_for_selector("#status :text('GO is out')")
+    screen.page.wait_for_selector("#status :text('GO given')")
 
 
 def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> None:
@@ -34,7 +34,7 @@ def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> No
     screen.page.click(ROW.format(1))
     assert screen.ask("[...zteam.app.store.selection]") == [1]
     buttons = screen.page.locator("#page-team .over button").all()
-    assert [button.inner_text() for button in buttons] == ["Inspect", "Follow", "Select none", "Remove"]
+    assert [button.inner_text() for button in buttons] == ["Inspect", "Follow", "Deselect", "Remove"]
     assert len({(button.bounding_box() or {})["y"] for button in buttons}) == 1
     screen.page.click(ROW.format(0), modifiers=["Shift"])
     assert sorted(screen.ask("[...zteam.app.store.selection]")) == [0, 1]

@@ -45,13 +45,22 @@ class StartRequest(Change):
     """`up/start`: start the process of a robot, with a behaviour that zteam knows and that needs no parameters."""
 
     robot: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-    behavior: str
+    behavior: str = ""
+    """Empty: as the launcher started it before."""
+    ends: bool = False
+    """End it instead."""
 
 
 def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
     """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
     key = names.service_key(names.LAUNCHER, names.START)
     bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
+
+
+def end_robot(bus: Bus, robot_id: int) -> None:
+    """Ask the launcher to end a robot's process, and wait for its end. Raises BusError, also if the launcher has not
+    started it."""
+    bus.ask(names.service_key(names.LAUNCHER, names.START), str, StartRequest(robot_id, ends=True), timeout=START_LIMIT)
 
 
 class DescribeReply(msgspec.Struct):

@@ -18,7 +18,7 @@ from zteam.node.tick_messages import stamp_of
 from zteam.view import frames
 from zteam.view.documents import Documents
 from zteam.view.received import Received, Viewer, robots_in_sight
-from zteam.view.scene import Scene, no_scan
+from zteam.view.scene import NO_SCAN, Scene
 from zteam.view.team_view import TeamView
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
@@ -72,7 +72,7 @@ class Composer:
         # What is not sent any more must not stay on the map as if it were seen now.
         for robot_id, index in sorted(before - viewer.scanned):
             viewer.has.pop(("scan", robot_id, index))
-            yield no_scan(robot_id, index)
+            yield frames.encode_scan(robot_id, index, *NO_SCAN, beams=1)
 
     def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
         """Tiles that the page lacks, of so many bytes together, and at least one."""

@@ -42,10 +42,6 @@ def shown(pose: Pose2 | None) -> Pose2 | None:
     return pose if pose is not None and abs(pose.x) <= FAR and abs(pose.y) <= FAR else None
 
 
-MOST_BUNDLES = 500
-"""Messages of transforms that are taken in one look: where time runs fast there may be more."""
-
-
 class Places:
     """Reads what has come since the last look. One thread makes all calls."""
 
@@ -78,8 +74,9 @@ class Places:
         self._taken[key] = arrival.number
         return arrival, message
 
-    def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
-        """The pose in `map` of each of these robots whose pose is known."""
+    def look(self, robots: Iterable[int], *, stands: bool = False) -> dict[int, Pose2]:
+        """The pose in `map` of each of these robots whose pose is known. In a world that `stands` a new robot has none
+        before the next tick: until then it is where its odometry begins."""
         arrival, static = self._take(names.TF_STATIC, TFMessage)
         if arrival and static:
             self.buffer.set_all_static(static.transforms, names.TF)
@@ -87,7 +84,7 @@ class Places:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
         # Each message counts: after the one of the bases comes one of each localiser, within milliseconds.
-        for arrival in self._received.since(names.TF, self._taken.get(names.TF, 0))[-MOST_BUNDLES:]:
+        for arrival in self._received.since(names.TF, self._taken.get(names.TF, 0)):
             if (bundle := arrival.read(TFMessage)) is None:
                 continue
             stamp = bases_stamp(bundle)
@@ -101,7 +98,9 @@ class Places:
         for robot_id in robots:
             if names.TF not in self._taken:
                 self._take_truth(robot_id)
-            if (pose := self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))) is not None:
+            frames = (names.BASE_FOOTPRINT, names.ODOM) if stands else (names.BASE_FOOTPRINT,)
+            poses = (self.pose_of(names.robot_frame(robot_id, frame)) for frame in frames)
+            if (pose := next(filter(None, poses), None)) is not None:
                 found[robot_id] = pose
         self.from_truth = names.TF not in self._taken and bool(found)
         return found
@@ -209,11 +208,13 @@ class TeamView:
         is_fast = sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
         return FAST_PERIOD if is_fast else PERIOD
 
-    def robots(self) -> set[int]:
-        """The robots of the world, and those that have a process; without a simulator all that were heard."""
+    def robots(self, *, with_bodies: bool = False) -> set[int]:
+        """The robots of the world, and those that have a process; `with_bodies` only those of the world and
+        real bases. Without a simulator all that were heard."""
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
-            return self.queries.processes().keys() | set(sim.robots)
+            held = self.queries.processes().items()
+            return {i for i, own in held if not with_bodies or names.base_name(i) in own} | set(sim.robots)
         return {robot_id for robot_id, _, _ in self.received.of_robots()} | self.queries.robots()
 
     def _localised(self) -> set[int]:

@@ -80,6 +80,15 @@ def test_a_moved_origin_of_odometry_is_news(received: Received, places: Places) 
     assert places.number > before
 
 
+def test_a_robot_that_is_new_in_a_world_that_stands_has_a_place(received: Received, places: Places) -> None:
+    """Its odometry begins there, as before its first tick; in a world that runs its transforms come soon."""
+    received.take("tf", bundle(1 * S, 1.0), topic="tf")
+    places.look([0])
+    received.take("tf_static", encode(TFMessage([stamped("map", "robot_5/odom", 0, 20.0)])))
+    assert places.look([5]) == {}
+    assert places.look([5], stands=True)[5].x == 20.0
+
+
 def test_after_a_reset_the_earlier_time_counts(received: Received, places: Places) -> None:
     """Time that goes back makes the buffer forget."""
     received.take("tf_static", encode(STATIC))

@@ -25,9 +25,8 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.view import scene as scenes
-from zteam.view.frames import encode_scan
 from zteam.view.composing import Composer
-from zteam.view.frames import _SCAN
+from zteam.view.frames import _SCAN, encode_scan
 from zteam.view.received import Received, Viewer
 from zteam.view.requests import Look
 from zteam.view.scene import Scene
@@ -56,7 +55,9 @@ class Sent:
 
     def bundle(self, tick: int) -> None:
         """The transforms of a tick: a metre a tick."""
-        self.received.take("tf", encode(TFMessage([stamped("robot_0/odom", BASE, tick * TICK, float(tick))])), topic="tf")
+        self.received.take(
+            "tf", encode(TFMessage([stamped("robot_0/odom", BASE, tick * TICK, float(tick))])), topic="tf"
+        )
 
     def static(self, parent: str = BASE) -> None:
         """Where odometry begins, and the laser on the robot."""

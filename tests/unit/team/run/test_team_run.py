@@ -21,7 +21,7 @@ from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
-from zteam.robot.client import start_robot
+from zteam.robot.client import end_robot, start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER, TeamLaunch
@@ -249,7 +249,7 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
 
 
 def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
-    """Once: a second process of its name is refused. The team does not need it, and ends it with the others."""
+    """Once: a second process of its name is refused. The team does not need it, and ends it on request too."""
     with pretend.run() as run:
         run.start()
         asking = pretend.hub.bus()
@@ -262,4 +262,14 @@ def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
         assert run.supervisor.wait(lambda: "robot_5" in run.supervisor.ended, LIMIT)
         assert run.failed == set()
         start_robot(asking, 5, "wander")
+        end_robot(asking, 5)
+        start_robot(asking, 5, "")
+        assert run.supervisor.processes["robot_5"].running
+        end_robot(asking, 5)
+        assert not run.supervisor.processes["robot_5"].running
+        assert run.failed == set()
+        with pytest.raises(BusError, match="zteam up has not started robot_6"):
+            end_robot(asking, 6)
+        with pytest.raises(BusError, match="zteam up has not started robot_6"):
+            start_robot(asking, 6, "")
     assert not any(p.running for p in run.supervisor.processes.values())

@@ -75,7 +75,7 @@ function robotsPart(app, group, title) {
   };
   const show = () => {
     const robots = [...store.robots.values()], shown = robots.filter(({ id }) => layers.showsRobot(group, id)).length;
-    setText(summary, shown === robots.length ? "of all robots" : `of ${shown} of ${robots.length} robots`);
+    setText(summary, `Robots: ${shown === robots.length ? "all" : `${shown} of ${robots.length}`}`);
     // The list of a hundred robots is made when it is opened.
     if (!element.open) return;
     reconcile(checks, robots, ({ id }) => String(id), create, (label, { id }) => {

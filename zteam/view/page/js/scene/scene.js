@@ -110,7 +110,7 @@ export function makeScene(app, element, stats) {
    * @param {number} now ms @returns {boolean} whether they will be elsewhere in the next picture */
   function moveRobots(now) {
     const { poses, team } = store,
-      stands = team?.sim.present && team.sim.state !== "running";
+      stands = team !== null && !["running", ""].includes(team.sim.state);
     if (!stands && waited < poses.period / 2) return poses.drawAt(now);
     poses.arrive();
     return false;
