@@ -70,8 +70,8 @@ class TeamQueries:
         self._survey_due = Every(SURVEY_PERIOD)
         self.last_world = ""
         """That of the newest simulator; empty where none was here."""
-        self.refused: dict[str, str] | None = None
-        """By `goals` and `teleop`: why the router drops what this process publishes; None before it was asked."""
+        self.refused: list[str] | None = None
+        """Those of the grants `goals` and `teleop` that this process lacks; None before it was asked."""
         self.frames: dict[str, FrameInfo] = {}
         """Of the aggregator: which process says where each frame is, and in which one."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
@@ -139,15 +139,15 @@ class TeamQueries:
         if "topics" in docs and (options := self._bus.options) is not None and self._survey_due.due():
             threading.Thread(target=self._survey, args=(options,), name="survey", daemon=True).start()
         if self.refused is None and self.team.link_up:
-            self.refused = dict(self._find_refused())
+            self.refused = list(self._find_refused())
         self._on_news()
 
-    def _find_refused(self) -> Iterator[tuple[str, str]]:
-        for what, topic in (("goals", names.GOAL_POSE), ("teleop", names.CMD_VEL_TELEOP)):
+    def _find_refused(self) -> Iterator[str]:
+        for grant, topic in (("goals", names.GOAL_POSE), ("teleop", names.CMD_VEL_TELEOP)):
             try:
                 self._bus.check_right(names.robot_key(0, topic))
-            except BusError as error:
-                yield what, str(error)
+            except BusError:
+                yield grant
 
     def _survey(self, options: BusOptions) -> None:
         """Look at all keys for a while, on a session of its own: what this one has subscribed to stays as it is."""

@@ -307,7 +307,7 @@ class Scene:
             "outlines": [msgspec.Raw(outline) for outline in outlines],
             "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
             "sim": sim_row(sim, shapes.models if shapes else (), queries.last_world),
-            # Why this process may not send goals, or drive; empty where it may.
+            # The grants that this process lacks where access is controlled.
             "refused": queries.refused,
             "router": queries.team.link_up,
             "viewers": len(state.viewers),

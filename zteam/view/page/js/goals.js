@@ -58,7 +58,7 @@ export function tellEnds(app) {
 const TAKEN = [800, 6000],
   SAME = 0.05;
 
-/** Says that a robot has given a goal up of which no more can be seen, because a list sent the next one at once.
+/** Says that a goal has ended of which no end was seen, because a list sent the next one at once.
  * @param {import("./app.js").App} app @param {number} robot @param {number} x @param {number} y of a goal that is sent now */
 export function watchGoal(app, robot, x, y) {
   const begun = performance.now();
@@ -67,7 +67,7 @@ export function watchGoal(app, robot, x, y) {
     const isOther = goal !== undefined && isLive(goal) && Math.hypot(goal.x - x, goal.y - y) > SAME;
     if (passed < TAKEN[0] || (!isOther && passed < TAKEN[1] && goal && isLive(goal))) return;
     end();
-    if (isOther && passed < TAKEN[1]) app.say(`robot_${robot} gave up your goal and drives to another one, perhaps of a list: the log says why`, "error");
+    if (isOther && passed < TAKEN[1]) app.say(`robot_${robot} drives to another goal now, perhaps of a list: how yours ended is in the log`, "error");
   });
 }
 

@@ -15,8 +15,9 @@ export function whyNoTool(app, name) {
   const { store } = app, { team } = store, why = whyNoCommand(store);
   if (why || !team) return why;
   const grant = name === "goal" || name === "pose" ? "goals" : name === "drive" ? "teleop" : "";
-  const refused = (team.refused ?? {})[grant];
-  if (refused) return `${refused} Or write 'view = ["goals", "teleop"]' below [security.grants] of the team file`;
+  if (team.refused?.includes(grant)) {
+    return `the certificate of this view lacks the grant ${grant}: write 'view = ["goals", "teleop"]' below [security.grants] of the team file`;
+  }
   if (name !== "goal") return "";
   const chosen = chosenRobots(app), robots = team.robots.filter(({ id }) => !chosen.length || chosen.includes(id));
   if (!robots.length || robots.some((robot) => robot.takes_goals)) return "";

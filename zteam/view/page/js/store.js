@@ -17,7 +17,7 @@ const SENSORS = 65536;
  *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean, stopped: boolean, unheld: boolean, takes_goals: boolean}} Robot */
 /** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string,
  *  behaviors: string[], launcher: boolean, options: string, loading: boolean, lists: Record<string, boolean>,
- *  refused: Record<string, string> | null}} Team */
+ *  refused: string[] | null}} Team */
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,

@@ -120,7 +120,7 @@ const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
 /** A curve has its robot's colour, the next one of the same robot other dashes. What belongs to no robot has the text's.
  * @param {Series[]} group of one chart @returns {{color: string, dash: number[]}[]} */
-function looksOf(group) {
+export function looksOf(group) {
   /** @type {Map<number, number>} */
   const counts = new Map();
   return group.map(({ topic }) => {

@@ -133,11 +133,13 @@ export function makeGoalTool(app) {
       // The camera may have moved under the pointer.
       const found = at && judge(app.store, chosenRobots(app), ...app.camera.toMap(at.px, at.py));
       if (!at || !found) return;
-      const { css, textSize } = pen.theme;
+      const { css, textSize } = pen.theme,
+        { px, py } = at,
+        down = 16 * textSize;
       const look = { bold: found.bad, color: found.bad ? css.danger : css.text },
         half = 14 + spriteOf(pen, found.text, look).width / 2;
       /** @type {[number, number][]} */
-      const places = [1, -1].flatMap((down) => [1, -1].map((right) => [at.px + right * half, at.py + 16 * down * textSize]));
+      const places = [[px + half, py + down], [px - half, py + down], [px + half, py - down], [px - half, py - down]];
       if (!labelWhereFree(pen, found.text, places, look)) label(pen, found.text, ...places[0], look);
     },
   };
