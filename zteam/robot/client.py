@@ -51,16 +51,11 @@ class StartRequest(Change):
     """End it instead."""
 
 
-def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
-    """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
+def start_robot(bus: Bus, robot_id: int, behavior: str = "", *, ends: bool = False) -> None:
+    """Ask the launcher to start a robot's process, which reports in its status and its log, or to end it. Raises
+    BusError."""
     key = names.service_key(names.LAUNCHER, names.START)
-    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
-
-
-def end_robot(bus: Bus, robot_id: int) -> None:
-    """Ask the launcher to end a robot's process, and wait for its end. Raises BusError, also if the launcher has not
-    started it."""
-    bus.ask(names.service_key(names.LAUNCHER, names.START), str, StartRequest(robot_id, ends=True), timeout=START_LIMIT)
+    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior, ends=ends), timeout=START_LIMIT)
 
 
 class DescribeReply(msgspec.Struct):

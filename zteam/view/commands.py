@@ -34,7 +34,6 @@ from zteam.robot.client import (
     ParametersClient,
     StopClient,
     StopResult,
-    end_robot,
     navigation_query,
     pause_lists,
     start_robot,
@@ -195,11 +194,10 @@ class Commands:
         """Take a robot out of the world, and have its process ended. Raises ZteamError, also if that is left."""
         self._simulator.remove(robot_id)
         name, queries = names.robot_name(robot_id), self._state.queries
-        if not queries.alive(name):
-            return
-        if not queries.alive(names.LAUNCHER):
+        if queries.alive(name) and queries.alive(names.LAUNCHER):
+            start_robot(self._state.node.bus, robot_id, ends=True)
+        elif queries.alive(name):
             raise ZteamError(f"it is out of the world, and its process {name} still runs: end it where it was started")
-        end_robot(self._state.node.bus, robot_id)
 
     def _send_goals(self, request: requests.Goal) -> None:
         known = self._state.poses

@@ -34,8 +34,8 @@ from zteam.view.received import Received
 def topic_row(row: KeyRow) -> dict[str, Any]:
     """A topic as the page's list has it; without a rate if nothing came on it during the survey."""
     hz = round(row.rate, 1 if row.count > 1 else 0) if row.count else None
-    users = {"publishers": len(row.publishers), "subscribers": len(row.subscribers)}
-    return {"key": row.key, "type": row.type, "hz": hz, **users}
+    publishers, subscribers = len(row.publishers), len(row.subscribers)
+    return {"key": row.key, "type": row.type, "hz": hz, "publishers": publishers, "subscribers": subscribers}
 
 
 log = logging.getLogger("zteam")

@@ -74,7 +74,6 @@ def robot_row(
         "lease": lease, "localised": not lost, "truth": truth, "stopped": stops,
         # Nothing would hold a real base without a robot process.
         "unheld": sim is None and present and not alive,
-        # Navigation, or a behaviour such as go_to.
         "takes_goals": takes_goals,
     }  # fmt: skip
 
@@ -290,7 +289,6 @@ class Scene:
                 present=speaks_now if sim is None else is_in_world,
                 alive=alive,
                 status=queries.status_of(robot_id),
-                # A status may have come since.
                 age=max(0.0, now - max(queries.team.robot(robot_id).spoke, FREEZES.look())),
                 base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,

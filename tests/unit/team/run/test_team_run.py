@@ -21,7 +21,7 @@ from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
-from zteam.robot.client import end_robot, start_robot
+from zteam.robot.client import start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER, TeamLaunch
@@ -262,14 +262,14 @@ def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
         assert run.supervisor.wait(lambda: "robot_5" in run.supervisor.ended, LIMIT)
         assert run.failed == set()
         start_robot(asking, 5, "wander")
-        end_robot(asking, 5)
-        start_robot(asking, 5, "")
+        start_robot(asking, 5, ends=True)
+        start_robot(asking, 5)
         assert run.supervisor.processes["robot_5"].running
-        end_robot(asking, 5)
+        start_robot(asking, 5, ends=True)
         assert not run.supervisor.processes["robot_5"].running
         assert run.failed == set()
         with pytest.raises(BusError, match="zteam up has not started robot_6"):
-            end_robot(asking, 6)
+            start_robot(asking, 6, ends=True)
         with pytest.raises(BusError, match="zteam up has not started robot_6"):
-            start_robot(asking, 6, "")
+            start_robot(asking, 6)
     assert not any(p.running for p in run.supervisor.processes.values())
