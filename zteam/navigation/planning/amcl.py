@@ -42,6 +42,11 @@ _MATCHED_WITHIN = 1.0, 0.7
 _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
+_LATELY, _USUALLY, _WORSE = 8, 50, 0.75
+"""Updates: so many in a row whose scans fit the map worse than this share of how they usually do say that the robot is
+elsewhere; and over how many the usual fit is averaged. A robot put 5 m and more away in the shipped office has 0.6 of
+it in the median, one that knows its place 0.97 at least."""
+
 
 class AmclOptions(CheckedOptions, frozen=True):
     """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for those that cannot work."""
@@ -161,8 +166,28 @@ class Amcl:
         self._spreads += 1
         self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
+        self._fits: list[float] = []
+        self._usual, self._looks = 0.0, 0
         # From where the next odometry is.
         self._odom, self._forced = None, True
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the last scans fit the map much worse around `pose` than they did before: the robot was carried away,
+        or much stands there that the map does not show."""
+        return self._looks > _LATELY and max(self._fits) < _WORSE * self._usual
+
+    def _match(self, field: LikelihoodField, beams: BeamEnds, pose: Floats) -> Floats:
+        """The pose near this one (1, 3) where the beams fit best; how well they do is remembered."""
+        fitting, fits = likelihood.match(field, pose, beams, *_FIRST_STEPS)
+        if beams.shape[1]:
+            fit = float(fits[0]) / (likelihood.UNITS * field.unit)
+            self._fits = [*self._fits[1 - _LATELY :], fit]
+            if fit >= _WORSE * self._usual:
+                self._looks += 1
+                self._usual += (fit - self._usual) / min(self._looks, _USUALLY)
+        found: Floats = fitting[0]
+        return found
 
     @property
     def particles(self) -> Floats:
@@ -183,12 +208,18 @@ class Amcl:
             self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
         before = self._odom
         way, turn = math.hypot(odom.x - before.x, odom.y - before.y), abs(normalize_angle(odom.yaw - before.yaw))
-        if not self._forced and way < self.options.update_min_d and turn < self.options.update_min_a:
+        is_due = self._forced or way >= self.options.update_min_d or turn >= self.options.update_min_a
+        # A robot that is elsewhere stands, and may be carried back.
+        if not is_due and not self.is_elsewhere:
+            return False
+        ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
+        if not is_due:
+            field = self._likelihoods(scan.range_max)
+            self._match(field, likelihood.beams_of(field, ends), np.array([self._pose_of_odom.compose(odom)]))
             return False
         self._forced = False
         self._count += 1
         self._odom = odom
-        ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
@@ -199,7 +230,7 @@ class Amcl:
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting, share = likelihood.match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
+            fitting, share = self._match(field, beams, heaviest), self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
         self._pose_of_odom = self.pose.compose(odom.inverse())

@@ -173,7 +173,7 @@ class AStarPlanner:
         last = frame.cell_at(goal.x, goal.y)
         way = field.find_way(first, last, options.tolerance / frame.resolution)
         if way is None:
-            raise NoPathError(_reason(costmap, field, last, options.tolerance))
+            raise NoPathError(_reason(field, goal, last, options.tolerance))
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
         points = frame.points_from_cells(field.shorten(way).astype(np.float64) + 0.5)
         # The middle of the first cell is left out where the start lies in that cell.
@@ -199,9 +199,9 @@ class AStarPlanner:
         return self._field
 
 
-def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:
-    where = "({:.2f}, {:.2f})".format(*costmap.frame.centre_of(*goal))
-    if not field.is_free(*goal):
+def _reason(field: Field, goal: Pose2, cell: tuple[int, int], tolerance: float) -> str:
+    where = f"({goal.x:.2f}, {goal.y:.2f})"
+    if not field.is_free(*cell):
         return f"the goal {where} is in an obstacle or too close to one, and so is all within {tolerance:g} m of it"
     return f"no way leads to the goal {where}, nor to within {tolerance:g} m of it"
 

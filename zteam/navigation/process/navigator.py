@@ -213,11 +213,7 @@ class Navigator:
         return STOP
 
     def _recover(self, here: Situation, costmaps: Costmaps) -> Velocity:
-        pose, clears = here.pose, self._recovery.current == "clear_costmap"
-        velocity = self._recovery.step(here.now, pose, costmaps.local, is_stopped=here.is_stopped)
-        if clears:
-            costmaps.whole.clear_around(pose, self._parameters.recovery.clear_distance)
-            costmaps.whole.update()
+        velocity = self._recovery.step(here.now, here.pose, costmaps.local, costmaps.whole)
         if velocity is not None:
             return velocity
         self._progress.reset()

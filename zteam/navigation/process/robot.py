@@ -18,6 +18,7 @@ from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
 
+NO_CARS = "navigation turns on the spot, as no car does: give the robot a base that drives 'diff' or 'omni'"
 NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
 
 
@@ -134,7 +135,7 @@ class RobotNavigation:
         status = self.inputs.newest.get(names.STATUS)
         is_stopped = status is not None and bool(status.reason)
         pending, scan = STOP if is_stopped else self._command, scan if fresh else None
-        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending, is_stopped)
+        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending)
 
     def _move(self, now: int, here: Situation | None) -> Velocity:
         navigator = self.navigator
@@ -158,7 +159,8 @@ class RobotNavigation:
         inputs, localiser = self.inputs, self._localiser
         # It knew its place and saw, and what it goes by has stopped to come.
         has_old_scan = 0 <= inputs.stamp(names.BASE_SCAN) < now - OLD
-        problem = self._unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
+        unfit = NO_CARS if inputs.base.drive == "car" else self._unfit
+        problem = unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
         if not problem and (here is None or here.scan is None):
             key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
             problem = f"no scan on {key} for {OLD / 1e9:g} s" if has_old_scan else f"no scan on {key}"

@@ -210,11 +210,15 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
 def _sensor_problems(
     file: TeamFile, world: str, robots: Mapping[int, Robot], topics: Mapping[int, Sequence[str]]
 ) -> Iterator[Problem]:
-    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`."""
+    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`, and cars that are
+    to navigate."""
     for i, entry in file.robots.items():
         robot = robots.get(entry.id)
         if robot is None or not entry.has_process:
             continue
+        if robot.drive == "car" and navigation_of(entry):
+            text = f"robot {entry.id} is a car, and navigation turns on the spot: give it a model with drive 'diff' or"
+            yield Problem(("robots", i, "navigation"), f"{text} 'omni', or let it wander or follow without navigation")
         # No robot drives without a laser. The rest may come from a process of the user's own.
         needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]
         published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}

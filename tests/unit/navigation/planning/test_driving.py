@@ -191,11 +191,12 @@ def test_recovery_goes_through_its_behaviours_and_gives_up() -> None:
 
 
 def test_a_recovery_stops_before_an_obstacle() -> None:
-    """Something behind: it does not back up."""
-    costmap = room((slice(0, 100), slice(0, 20)))
-    recovery = Recovery(RecoveryOptions(behaviors=("back_up",)))
-    recovery.begin(0.0, Pose2(1.23, 2.5, 0.0), "blocked")
-    assert recovery.step(0.0, Pose2(1.23, 2.5, 0.0), costmap) is None
+    """Something behind, on whichever of the costmaps: it does not back up."""
+    walled, pose = room((slice(0, 100), slice(0, 20))), Pose2(1.23, 2.5, 0.0)
+    for costmaps in ([walled], [room(), walled]):
+        recovery = Recovery(RecoveryOptions(behaviors=("back_up",)))
+        recovery.begin(0.0, pose, "blocked")
+        assert recovery.step(0.0, pose, *costmaps) is None
 
 
 def test_options_that_cannot_work_are_refused() -> None:
@@ -222,7 +223,7 @@ def test_a_wall_of_the_map_is_an_obstacle_whatever_the_threshold(threshold: int)
     assert make_costmap(make_map(cells, 0.1), make_circle(0.2), options).costs[4, 4] == LETHAL_OBSTACLE
 
 
-def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> None:
+def test_a_recovery_tries_other_ways_where_the_robot_does_not_move() -> None:
     """Each for a second: it turns the other way round, and backs up on arcs; then the behaviour is over."""
     costmap, pose = room(), Pose2(2.5, 2.5, 0.0)
     for behavior, ways in (("spin", 2), ("back_up", 5)):
@@ -230,7 +231,7 @@ def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> N
         recovery.begin(0.0, pose, "blocked")
         tried: list[Velocity] = []
         for tick in range(100):
-            velocity = recovery.step(0.1 * tick, pose, costmap, is_stopped=True)
+            velocity = recovery.step(0.1 * tick, pose, costmap)
             if velocity is None:
                 break
             tried.append(velocity)

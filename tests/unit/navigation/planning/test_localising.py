@@ -88,6 +88,31 @@ def test_no_particle_is_put_far_off_where_the_scan_fits(aside: float, goes: bool
     assert bool(apart.min() < 0.05) is goes
 
 
+def test_a_robot_that_was_carried_away_notices_it() -> None:
+    """Its scans fit the map much worse than they did; where it is put back, they fit again, though it stands."""
+    grid, odom = make_hall(), Pose2(0.0, 0.0, 0.0)
+    localiser = Amcl(grid, seed=3)
+    localiser.set_pose(Pose2(0.5, -1.2, 0.0), (0.1, 0.1, 0.1))
+
+    def drive(truth: Pose2, steps: int) -> tuple[list[bool], Pose2]:
+        nonlocal odom
+        seen = []
+        for _ in range(steps):
+            truth, odom = (pose.compose(Pose2(0.25, 0.0, 0.0)) for pose in (truth, odom))
+            localiser.update(odom, look(grid, truth))
+            seen.append(localiser.is_elsewhere)
+        return seen, truth
+
+    first, there = drive(Pose2(0.5, -1.2, 0.0), 10)
+    assert not any(first)
+    assert drive(Pose2(5.8, 3.0, -1.6), 10)[0][-1]
+    there = localiser.map_from_odom.compose(odom)
+    assert localiser.is_elsewhere
+    for _ in range(9):
+        localiser.update(odom, look(grid, there))
+    assert not localiser.is_elsewhere
+
+
 @pytest.mark.ci
 def test_it_finds_a_robot_on_the_whole_map() -> None:
     """From nothing, while the robot moves a little."""

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from support.goals import make_goal
 from support.installed_packages import install
 from zteam import messages, names
+from zteam.config.localisation import LOST_DEVIATION
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import Header, LaserScan, NavigationState, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
+from zteam.navigation.planning.amcl import Amcl
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin, SmootherOptions
@@ -38,6 +41,7 @@ class Outputs:
     def __init__(self) -> None:
         self.velocity = STOP
         self.frames: list[Pose2] = []
+        self.covariance = np.zeros((3, 3))
 
     def drive(self, _now: int, velocity: Velocity, *, active: bool) -> None:
         self.velocity = velocity
@@ -45,6 +49,7 @@ class Outputs:
     def localise(self, _now: int, _ahead: int, localiser: Any) -> None:
         if localiser.map_from_odom is not None:
             self.frames.append(localiser.map_from_odom)
+        self.covariance = localiser.covariance
 
     def show(self, *_: object) -> None:
         """Nothing to look at."""
@@ -346,6 +351,26 @@ def test_a_robot_that_may_be_anywhere_does_not_drive() -> None:
     assert robot.step() == STOP
     assert robot.text.startswith("it is lost: its place is known to ±")
     assert "no particles" in driving().robot.localize_globally()
+
+
+def test_navigation_drives_no_car() -> None:
+    """It turns on the spot: the goal waits for another base, and the text says why."""
+    robot = driving()
+    robot.inputs._bases[0] = replace(DEFAULT_BASE, drive="car")  # type: ignore[index]
+    robot.robot.set_base()
+    assert robot.step() == STOP
+    assert "car" in robot.text
+
+
+def test_a_robot_that_was_carried_away_says_that_it_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands, names the key that takes its pose, and its estimate is as wide as that of a lost robot."""
+    robot = driving("amcl")
+    assert robot.step() != STOP
+    monkeypatch.setattr(Amcl, "is_elsewhere", True)
+    assert robot.step() == STOP
+    assert "it is lost" in robot.text
+    assert names.robot_key(robot.inputs.robot_id, names.INITIAL_POSE) in robot.text
+    assert robot.outputs.covariance[0, 0] > LOST_DEVIATION**2
 
 
 CREEP = """

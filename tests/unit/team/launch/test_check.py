@@ -340,6 +340,7 @@ seeing( name "inside" pose [3.2 0 0 0] )
 seeing( name "under" pose [-3 0 0 0] )
 seeing( name "over" pose [-3.1 0 0 0] )
 seeing( name "free" pose [0 3 0 0] )
+seeing( name "car" pose [0 -3 0 0] drive "car" )
 """
 FEELER = STOPPER.replace(
     "class Params", 'inputs = {"bumps": ("bumper", Bumper), "near": ("sonar_0", Range)}\n    class Params'
@@ -347,8 +348,8 @@ FEELER = STOPPER.replace(
 
 
 def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that stands in a thing or in another robot, and one without a sensor that its behaviour needs. A node may
-    bring that, unless it is the laser: without it no robot drives."""
+    """One that stands in a thing or in another robot, one without a sensor that its behaviour needs, and a car that
+    navigation is to drive. A node may bring a sensor, unless it is the laser: without it no robot drives."""
     (tmp_path / "my.world").write_text(WORLD)
     (tmp_path / "its_feeler.py").write_text(FEELER)
     monkeypatch.syspath_prepend(tmp_path)
@@ -357,5 +358,7 @@ def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypa
     laser = "5 robots[0].behavior"
     standing = ["4 robots[0].ids"] * 2
     assert mistakes_of(tmp_path, text + feeler, here=True) == [*standing, laser, *["8 robots[1].behavior"] * 2]
+    car = '[team]\nworld = "my.world"\n[[robots]]\nid = 5\nbehavior = "wander"\nnavigation = { localizer = "amcl" }\n'
+    assert mistakes_of(tmp_path, car) == ["6 robots[0].navigation"]
     node = '[[nodes]]\nname = "skin"\ncommand = ["python", "-c", "pass"]\n'
     assert mistakes_of(tmp_path, text + feeler + node, here=True) == [*standing, laser]
