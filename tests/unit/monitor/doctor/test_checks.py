@@ -391,7 +391,7 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
                 "robot_2/base_link": "robot_2/base_footprint",
             },
         ),
-        "problem transforms: door hangs on hall, which … -> publish where hall is (… joint), or give door another parent",
+        "problem transforms: door hangs on hall, which … -> publish … (… joint), or give door another parent",
         "problem transforms: robot_1/camera hangs on … another parent (did you mean robot_1/base_footprint?)",
     ),
     "transforms that go past the aggregator": (
