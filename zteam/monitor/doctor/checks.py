@@ -130,8 +130,9 @@ def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
     """Stamps that are not of now; or, of a robot that stands, the transform that lacks between `map` and its base."""
     robot, status = names.robot_name(robot_id), facts.statuses.get(robot_id)
     for key, seconds in sorted(facts.leads.items()):
-        if key.startswith(f"{robot}/") and abs(seconds) > _HARMLESS:
-            text = f"{key} is stamped {abs(seconds):.0f} s {'ahead of' if seconds > 0.0 else 'behind'} this host"
+        # A robot does not drive by data that is older than LATE.
+        if key.startswith(f"{robot}/") and abs(seconds) > LATE + APART:
+            text = f"{key} is stamped {abs(seconds):.1f} s {'ahead of' if seconds > 0.0 else 'behind'} this host"
             step = "have the base stamp its data by its machine's clock (not 0, nor since its boot), and NTP set that"
             return problem("stamps", text, step)
     if facts.frames is None or facts.lacks(robot_id) or (status is not None and status.speed):

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
-from zteam.geometry import Pose2, quaternion_from_rpy, turn_problem
+from zteam.geometry import FAR, Pose2, quaternion_from_rpy, turn_problem
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.messages.base import BaseOverride
 
@@ -130,7 +130,7 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if len({"", names.strip_slash(self.parent), names.strip_slash(self.child)}) < 3:
             raise KeyValueError("child", "must be the name of another frame than parent")
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
-            if not math.isfinite(getattr(self, name)):
+            if not abs(getattr(self, name)) <= FAR:
                 raise KeyValueError(name, f"{getattr(self, name)} is no number to place a frame with")
             if len(name) > 1 and (text := turn_problem(getattr(self, name))):
                 raise KeyValueError(name, text)

@@ -92,6 +92,7 @@ MISTAKES = [
     *((f"{FRAME}child='{child}'", "5: static_transforms[0].child") for child in ("/map", "/")),
     (f"{FRAME}child=''", "5: static_transforms[0].child"),
     (f"{CHILD}x=nan", "6: static_transforms[0].x"),
+    (f"{CHILD}z=-1e300", "6: static_transforms[0].z"),
     (f"{CHILD}roll=-45", "6: static_transforms[0].roll"),
     (f"{CHILD}qw=1", "6: static_transforms[0].qw"),
     *((f"{CHILD}qx=0\nqy=0\nqz=0\nqw={w}", "9: static_transforms[0].qw") for w in ("0", "0.9", "1.1", "1\nyaw=1")),
