@@ -1,4 +1,4 @@
-"""`zteam world check | show | scan`, called with words as on a command line."""
+"""`zteam world check | show | scan | new`, called with words as on a command line."""
 
 import json
 import math

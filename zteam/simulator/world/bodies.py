@@ -47,10 +47,8 @@ def read_bitmap(path: Path) -> Grid:
     Raises WorldError, as `read_channels` does.
     """
     pixels = read_channels(path)[::-1]
-    occupied = pixels[:, :, 0] < DARK
-    if pixels.shape[2] in (2, 4):
-        occupied &= pixels[:, :, -1] > DARK
-    return np.ascontiguousarray(occupied)
+    is_solid = pixels[:, :, -1] > DARK if pixels.shape[2] in (2, 4) else True
+    return np.ascontiguousarray((pixels[:, :, 0] < DARK) & is_solid)
 
 
 def occupied_box(occupied: Grid) -> Box | None:
