@@ -209,9 +209,11 @@ ALONE = (
         )
     ),
     _team("zteam up team.toml", _TEAM.replace(" =", ":"), "team.toml:2:6: not TOML: ", "write key = value"),
-    *(
-        Mistake(f"zteam up {name}", (f"{name}:1:1: not TOML", "a team file is TOML (docs/"), file=(name, text))
-        for name, text in (("a.launch", "<launch/>\n"), ("team.yaml", "{robots: 1}\n"))
+    Mistake("zteam up a.launch", ("a launch file of ROS, not a team file",), file=("a.launch", "<launch/>\n")),
+    Mistake(
+        "zteam up team.yaml",
+        ("team.yaml:1:1: not TOML", "a team file is TOML (docs/"),
+        file=("team.yaml", "{robots: 1}\n"),
     ),
     _team("zteam up team.toml", _TEAM.replace("arena", "~/no.world"), "team.world: world '/", "/no.world'"),
     _refused("zteam up ~/no.toml", "team '/", "/no.toml'"),

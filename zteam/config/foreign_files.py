@@ -27,7 +27,7 @@ _KINDS = {
     r"^[ \t]*driver\s*\([^)]{0,500}\b(?:provides|plugin)\b": (
         "a configuration of Player", "name the world that it has as its worldfile"),
     MAP_FILE: ("a map of map_server", "call it *.yaml; a team file takes it as its world or its map"),
-    r"^world:": ("a world of IR-SIM", _WORLDS),
+    r"^world:[ \t]*\r?\n": ("a world of IR-SIM", _WORLDS),
     r"^layers:": ("a world of flatland", "name the map of one of its layers: a YAML file with image and resolution"),
     r'\A\{(?=\s*")(?!.*"image")': ("JSON", _WORLDS),
     r"\0{4}|(?:[^\0]\0){4}": ("a binary file", _WORLDS),
