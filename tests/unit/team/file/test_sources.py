@@ -169,7 +169,7 @@ def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:
     assert [robot.behavior for robot in team.robots] == ["avoid", "avoid"]
 
 
-@pytest.mark.parametrize("name", ["long-folder/" * 20 + "base.toml", f"{'long-file-name-' * 20}.toml", "two  blanks.toml"])
+@pytest.mark.parametrize("name", ["long-folder/" * 20 + "base.toml", "long-name-" * 20, "two  blanks.toml"])
 def test_an_include_that_is_not_there_is_named_whole(tmp_path: Path, name: str) -> None:
     """However long its path is."""
     with pytest.raises(ConfigError) as refused:
