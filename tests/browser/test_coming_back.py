@@ -37,7 +37,7 @@ def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
     team.kill("sim")
     screen.page.wait_for_selector("#notice :text('The simulator is gone')")
     screen.page.wait_for_selector("#notice code:text-is('zteam-sim arena')")
-    screen.page.wait_for_selector("#robots td:text-is('no simulator')")
+    screen.page.wait_for_selector("#robots td:text-is('no world')")
     assert {*screen.page.locator("#robots tr:first-child td:nth-child(4)").all_inner_texts()} == {"–"}
     assert screen.page.locator("button[aria-label=Pause]").is_disabled()
     team.restart("sim")

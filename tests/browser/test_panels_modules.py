@@ -189,7 +189,7 @@ def test_what_a_robot_does_reads_well_after_a_turn_of_the_line(modules: Screen) 
     states = [
         (["running", False, "running"], "running"),
         (["running", False, "paused"], "paused"),
-        (["running", False, "gone"], "no simulator"),
+        (["running", False, "gone"], "no world"),
         (["running", False, ""], "running"),
         (["lost", False, "paused"], "lost"),
         (["running", True, "paused"], "held"),
@@ -228,3 +228,22 @@ def test_curves_have_the_colours_of_their_robots(modules: Screen) -> None:
     assert [owner for owner, _ in looks] == [0, 1, 0, -1]
     assert looks[0][1] == looks[1][1] == looks[3][1] == ""
     assert looks[2][1] != ""
+
+
+def test_a_line_of_a_log_that_comes_now_has_the_simulated_time(modules: Screen) -> None:
+    """As the tool bar and the plots have it; of older lines, and without a simulator, only the host's is known."""
+    stamps = modules.ask(
+        """async () => {
+          const {Store} = await import('/page/js/store.js'), now = Date.now() / 1000, found = [];
+          for (const state of ['running', 'paused', '']) {
+            const store = new Store();
+            store.team = {sim: {present: state !== '', state, rtf: 2}};
+            const value = [1, 600].map((ago) => ({time: now - ago, process: 'sim', level: 'info', text: ''}));
+            const blocks = [{type: 'doc', name: 'log', value}];
+            store.takeFrame({number: 1, tick: 1, stamp: 50, age: -1, blocks}, 0);
+            found.push(store.log.map(({stamp}) => stamp === undefined ? null : Math.round(stamp)));
+          }
+          return found;
+        }"""
+    )
+    assert stamps == [[48, None], [50, None], [None, None]]

@@ -225,10 +225,9 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
         if patience is not None and waited > patience:
             if port_accepts(options.endpoint):
                 raise BusError(": ".join(why_refused(options)))
-            if fault := _no_host(options.endpoint):
-                raise BusError(fault)
             raise BusError(
-                f"no Zenoh router answers at {options.endpoint}: "
+                _no_host(options.endpoint)
+                or f"no Zenoh router answers at {options.endpoint}: "
                 f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
             )
         if (why := reasons.look()) is not None:

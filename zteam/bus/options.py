@@ -242,11 +242,10 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
 
 def host_port(endpoint: str) -> tuple[str, int] | None:
     """Host and port of a tcp or tls endpoint, None for any other kind."""
-    protocol, slash, address = endpoint.partition("/")
-    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-    if not slash or not colon or protocol not in {"tcp", "tls"} or not port.isdigit():
+    found = _ENDPOINT.fullmatch(endpoint)
+    if found is None or found["protocol"] not in ("tcp", "tls") or not (found["port"] or "").isdigit():
         return None
-    return host.strip("[]"), int(port)
+    return found["host"].strip("[]"), int(found["port"])
 
 
 def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:

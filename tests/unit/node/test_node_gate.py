@@ -96,7 +96,7 @@ def test_in_real_time_it_boots_is_ready_and_goes(team: Team, make: Make, name: s
     assert bool(team.statuses) == is_robot
 
 
-LACKS, IS_READY = f"waiting for {ODOM}", "ready: waiting for the monitor's GO (zteam-monitor)"
+LACKS, IS_READY = f"boot: waiting for {ODOM}", "ready: waiting for the monitor's GO (zteam-monitor)"
 
 
 @pytest.mark.parametrize(

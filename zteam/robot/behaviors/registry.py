@@ -1,8 +1,8 @@
 """Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
+import ast
 import importlib
 import inspect
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
@@ -135,8 +135,9 @@ def find_behavior(spec: str) -> type[Behavior]:
 
 def _meant_by(file: Path, name: str) -> str:
     """How the class `name` in a file is written, without a name each class that the file may have."""
-    with suppress(OSError, ValueError):
-        classes = re.findall(r"^class (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+    with suppress(OSError, ValueError, SyntaxError):
+        statements = ast.parse(file.read_bytes()).body
+        classes = [each.name for each in statements if isinstance(each, ast.ClassDef)]
         name = name or f" or {file.stem}:".join(classes)
     found, folder = f"{file.stem}:{name or 'CLASS'}", file.parent
     if (folder / "__init__.py").is_file() and not folder.is_absolute():

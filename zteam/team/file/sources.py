@@ -75,7 +75,7 @@ class Mistake(NamedTuple):
 
     def __str__(self) -> str:
         """`file:line: key: text`, on one line also where a text of the file has line breaks."""
-        return f"{self.place}: {' '.join(str(Problem(self.place.path, self.text)).split())}"
+        return f"{self.place}: {' '.join(str(Problem(self.place.path, self.text)).splitlines())}"
 
 
 def error_of(mistakes: Iterable[Mistake]) -> ConfigError:

@@ -17,7 +17,7 @@ const OLD_STATUS = 2; // s
 const AS_BEFORE = "as before";
 
 /** What the world does if it does not run; "" if it runs, or real robots need none. @param {import("../store.js").Team | null} team */
-const standing = (team) => (!team || team.sim.state === "running" ? "" : team.sim.state === "gone" ? "no simulator" : team.sim.state);
+const standing = (team) => (!team || team.sim.state === "running" ? "" : team.sim.state === "gone" ? "no world" : team.sim.state);
 
 /** Its own state; or that it is stopped, or stands with its world, unless it is worse. @param {Robot} robot @param {import("../store.js").Team | null} team */
 export function stateOf({ state, stopped }, team) {

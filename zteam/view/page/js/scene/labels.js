@@ -22,7 +22,7 @@ const AWAY = [14, 30, 50, 75],
   AROUND = Array.from({ length: 12 }, (_, i) => [Math.cos((i * Math.PI) / 6), Math.sin((i * Math.PI) / 6)]);
 const PLACES = TOUCHING.length + AWAY.length * AROUND.length;
 /** States of a robot that does not live, though it stands there as before. */
-const LACKING = new Set(["lost", "silent", "fault"]);
+const LACKING = new Set(["lost", "stopped", "silent", "fault"]);
 /** A robot's middle, where no name of others may be, as a share of its size. */
 const MIDDLE = 0.8;
 const BOLD = { bold: true },

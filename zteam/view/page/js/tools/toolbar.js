@@ -64,7 +64,8 @@ export function mountToolbar(app, bar) {
     for (const button of [...tools, drive]) {
       const why = whyNoTool(app, button.dataset.tool ?? ""),
         label = button.getAttribute("aria-label") ?? "";
-      button.setAttribute("aria-pressed", String(button.dataset.tool === app.tool));
+      // While one drives, that is what the keys are for.
+      button.setAttribute("aria-pressed", String(button.dataset.tool === app.tool && !app.drive?.mode));
       button.disabled = why !== "";
       button.title = why ? `${label}. Not now: ${why}` : label;
     }
