@@ -67,7 +67,7 @@ class TeamQueries:
         """Of the other sessions."""
         self.topics: list[dict[str, Any]] | None = None
         """None before the first look."""
-        self._survey_due = Every(SURVEY_PERIOD)
+        self._survey_due, self._surveys = Every(SURVEY_PERIOD), False
         self.last_world = ""
         """That of the newest simulator; empty where none was here."""
         self.refused: list[str] | None = None
@@ -136,7 +136,9 @@ class TeamQueries:
             self.kept_log = [*kept_lines(self._ask(names.log_key("*"), list[LogLine]))]
         if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
             self.declarations = self._bus.declarations()
-        if "topics" in docs and (options := self._bus.options) is not None and self._survey_due.due():
+        options = None if self._surveys or "topics" not in docs else self._bus.options
+        if options is not None and self._survey_due.due():
+            self._surveys = True
             threading.Thread(target=self._survey, args=(options,), name="survey", daemon=True).start()
         if self.refused is None and self.team.link_up:
             self.refused = list(self._find_refused())
@@ -154,6 +156,7 @@ class TeamQueries:
         options = msgspec.structs.replace(options, connect=options.endpoint)
         with suppress(ZteamError), closing(connect(options, patience=PATIENCE)) as bus:
             self.topics = [topic_row(row) for row in find_rows(bus, "**")[0]]
+        self._surveys = False
 
     def _ask_simulator(self, *, obstacles: bool) -> None:
         sim = find_status(self._bus, PATIENCE) if self.alive(names.SIMULATOR) else None

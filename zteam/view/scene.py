@@ -192,8 +192,7 @@ class Scene:
         seen = state.received.number, state.queries.sim, state.places
         if seen != self._looked:
             self._looked = seen
-            sim = state.queries.sim
-            stands = sim is not None and (sim.paused or sim.finished)
+            stands = (sim := state.queries.sim) is not None and (sim.paused or sim.finished)
             state.poses = state.places.look(sorted(state.robots(with_bodies=True)), stands=stands)
         # Robots come and go also while nothing new comes of the others.
         number = (state.places.number, *state.poses) if state.poses or self._poses[0] else ()
@@ -274,8 +273,7 @@ class Scene:
         heard = state.received.of_robots() if sim is None else []
         # What is latched tells nothing of whether a base is there.
         times = [(robot_id, arrival.time) for robot_id, topic, arrival in heard if topic not in _OF_NO_BASE]
-        # Views subscribe to them with a wildcard.
-        goals = {each.key for each in queries.declarations if not each.publishes}
+        goals = {each.key for each in queries.declarations if not each.publishes}  # Views have a wildcard.
         rows, speaks = {}, dict(sorted(times, key=itemgetter(1)))
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))

@@ -98,9 +98,8 @@ class Places:
         for robot_id in robots:
             if names.TF not in self._taken:
                 self._take_truth(robot_id)
-            frames = (names.BASE_FOOTPRINT, names.ODOM) if stands else (names.BASE_FOOTPRINT,)
-            poses = (self.pose_of(names.robot_frame(robot_id, frame)) for frame in frames)
-            if (pose := next(filter(None, poses), None)) is not None:
+            base, odom = (names.robot_frame(robot_id, frame) for frame in (names.BASE_FOOTPRINT, names.ODOM))
+            if pose := self.pose_of(base) or (self.pose_of(odom) if stands else None):
                 found[robot_id] = pose
         self.from_truth = names.TF not in self._taken and bool(found)
         return found
