@@ -194,7 +194,6 @@ class Handle:
         self.calls = calls
 
     def close(self) -> None:
-        """Take it back; a second call does nothing."""
         calls, self.calls = self.calls, ()
         for each in calls:
             each()
@@ -236,7 +235,6 @@ class Held(Generic[C]):
             before.close()
 
     def close(self) -> None:
-        """Take it back; a second call does nothing."""
         with self._lock:
             self._closed = True
             if self._handle is not None:

@@ -94,7 +94,6 @@ class Table(dict[str, Any]):
         """Of keys that do not stand in the table at `place`."""
 
     def put(self, key: str, value: Any, place: KeyPlace) -> None:
-        """Set a key that stands at `place`."""
         self[key], self._places[key] = value, place
 
     def place_of(self, *path: str | int) -> KeyPlace:

@@ -216,7 +216,6 @@ class NodeSessions:
             outside.watch_tokens(["**"], self._on_token)
 
     def bus(self, owner: str) -> Bus:
-        """A session of the node `owner`."""
         outside = self._outside
         return Bus(_Session(self._hub, owner) if outside is None else _BridgedSession(self._hub, owner, self, outside))
 

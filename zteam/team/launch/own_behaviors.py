@@ -103,7 +103,6 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
 
 
 def main() -> None:
-    """Answer the questions on standard input."""
     stop = Stop()
     stop.install()
     look_in([*sys.argv[1:], ""])

@@ -232,16 +232,11 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     jobs, optional = dict[str, Job](), set[str]()
     for name, options in options_of(launch).items():
-        # A view takes no part in the run: it may end, and a new one changes nothing.
-        is_view = isinstance(options, ViewOptions)
-        jobs[name] = Job(
-            MEMBER,
-            words=to_line(name, options),
-            restarts=restarts.get(name, launch.restarts) or is_view,
-            may_end=is_view,
-            learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
-        )
-        if is_view:
+        jobs[name] = Job(MEMBER, words=to_line(name, options), restarts=restarts.get(name, launch.restarts))
+        if isinstance(options, ViewOptions):
+            # A view takes no part in the run: it may end, and a new one changes nothing.
+            learn = partial(_keep_page, name, options)
+            jobs[name] = msgspec.structs.replace(jobs[name], restarts=True, may_end=True, learn=learn)
             optional.add(name)
     nodes = {
         node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)

@@ -165,7 +165,6 @@ class Processes:
             refuse_second_team(self.bus, self._plan.jobs)
 
     def start(self) -> None:
-        """Start all members."""
         for name, job in self._plan.jobs.items():
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 

@@ -123,7 +123,6 @@ class TeamRun:
             self.signals.serve(tools)
 
     def start(self) -> None:
-        """Start the members."""
         if self.state is RunState.NEW:
             self.open()
         self.members.start()

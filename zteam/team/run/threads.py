@@ -182,7 +182,6 @@ class NodeThread:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
         return self.exit_code is None
 
     @property
@@ -191,7 +190,6 @@ class NodeThread:
         return "" if self.error is None or isinstance(self.error, (ZteamError, SystemExit)) else user_fault(self.error)
 
     def run(self) -> None:
-        """Run the node in this thread."""
         name, part, code = self.name, self._part, 1
         with working_for(name):
             if name == names.SIMULATOR:
@@ -218,7 +216,6 @@ class NodeThread:
             raise
 
     def terminate(self) -> None:
-        """Ask it to stop."""
         self.stopping = True
         self._stop.request("the team asks it to stop")
 

@@ -85,7 +85,6 @@ class Index(msgspec.Struct):
     """By name; the serial grows."""
 
     def last(self, name: str) -> Issued | None:
-        """The newest certificate of this name."""
         found = self.certificates.get(name)
         return found[-1] if found else None
 
