@@ -295,8 +295,7 @@ def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], 
 
 
 def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> None:
-    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
-    ever."""
+    """Zenoh tries again for ever, also when a certificate expires or another program takes the router's port."""
     reasons = Reasons(options, _LINK_PATIENCE)
     while lasts():
         if why := reasons.look():

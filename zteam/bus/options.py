@@ -214,8 +214,7 @@ def default_endpoint(tls: TlsFiles | None) -> str:
 
 
 def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
-    """The endpoint itself, if it can be one. Raises UsageError, with the form that is probably meant: to Zenoh an
-    impossible one only is not there yet."""
+    """The endpoint itself. Raises UsageError with the form that is probably meant, where Zenoh would only wait."""
     if tls is None and re.match("unixsock-stream/.", endpoint):
         return endpoint
     found = _ENDPOINT.fullmatch(re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'")))
@@ -303,8 +302,7 @@ def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session |
 
 
 def _build(config: str | None, settings: dict[str, Any], *, is_on_demand: bool = False) -> zenoh.Config:
-    """What the file says, and over it the settings. Raises UsageError, also where a process `is_on_demand` at the local
-    router and its file names another one."""
+    """The file's settings, and these over them. Raises UsageError; if `is_on_demand`, also for a file with a router."""
     if config is not None and not Path(config).is_file():
         raise UsageError(f"--config {config}: no such file")
     try:

@@ -72,8 +72,7 @@ class Receiver:
         self._last: dict[str, _Drop] = {}
 
     def of(self, key: str) -> KeyCount:
-        """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
-        not interrupt an addition."""
+        """The key's count. A receiver adds to it without the lock, which is slow: nothing interrupts an addition."""
         with self._lock:
             count = self._counts.get(key)
             if count is None:

@@ -159,8 +159,7 @@ class Means(NamedTuple):
 
 
 def strike(fault: Fault, means: Means) -> Callable[[], object]:
-    """Begin a fault; returns what ends it, which is nothing for a kill, and where the simulator does so. Both raise
-    ZteamError."""
+    """Begin a fault; returns what ends it, which is nothing where it ends by itself. Both raise ZteamError."""
     name = fault.name
     if means.simulate is not None and is_simulated(fault):
         means.simulate(fault)

@@ -115,8 +115,7 @@ class Table(dict[str, Any]):
 
 
 def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int = 99) -> Table:
-    """Both tables key by key, and the tables in them to a depth; of anything else that of `over`, but `lists` follow
-    each other."""
+    """Both tables key by key, to a depth; of anything else that of `over`, but `lists` follow each other."""
     merged = Table(over.place)
     for table in (base, over):
         for key, value in table.items():

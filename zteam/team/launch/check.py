@@ -183,8 +183,7 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                 # Of two robots of the team only the second is told.
                 others = {j: other for j, other in standing.items() if j < entry.id or j not in ids}
                 if hindrance := find_hindrance(world, robot, others):
-                    text = f"robot {entry.id} {hindrance}"
-                    text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
+                    text = f"at its pose in {name} robot {entry.id} {hindrance}; give {robot.name!r} a free pose there"
                     yield Problem(("robots", i, "id"), text)
             elif not (entry.pose or entry.model):
                 text = f"the world has no robot {entry.id} (it has {format_robot_ids(standing) or 'none'})"

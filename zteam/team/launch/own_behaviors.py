@@ -47,8 +47,7 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why it cannot be used, empty if it can; the mistakes in its parameters as (path, text), and the topics of the
-    inputs that it declares."""
+    """Why it cannot be used, empty if it can; its parameters' mistakes as (path, text); the topics of its inputs."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []

@@ -148,8 +148,7 @@ def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
 
 
 def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
-    """What each process of a team is told, by name, in the order of starting: without the router, which the launcher
-    starts first, because that chooses the port."""
+    """What each process is told, by name, in the order of starting; without the router, which has chosen the port."""
     told, team, pace = _told_beside_simulator(launch), launch.team, launch.pace
     if launch.world is None:
         # The robots are real.
@@ -246,10 +245,9 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     return LaunchPlan({**jobs, **nodes}, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
 
 
-def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:
-    """The name and the job of a robot that is started on request; one of the team file keeps what else is said of it
-    there. Raises UsageError unless zteam knows the behaviour: a request must not have a module of its choice imported.
-    """
+def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> Job:
+    """The job of a robot that is started on request; one of the team file keeps what else is said of it there. Raises
+    UsageError unless zteam knows the behaviour: a request must not have a module of its choice imported."""
     from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, read_params
 
     known = behavior_names()
@@ -260,8 +258,7 @@ def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Jo
     entry = next((each for each in launch.team.robots if each.id == robot_id), RobotEntry(robot_id))
     entry = msgspec.structs.replace(entry, behavior=behavior, follow=None, params={})
     alone = msgspec.structs.replace(launch, team=msgspec.structs.replace(launch.team, robots=[entry], nodes=[]))
-    name = names.robot_name(robot_id)
-    return name, plan_team(alone).jobs[name]
+    return plan_team(alone).jobs[names.robot_name(robot_id)]
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
@@ -290,8 +287,7 @@ PYTHON = ("python", "python3")
 
 
 def command_line(words: Sequence[str]) -> list[str]:
-    """The command line of a user's program. `python` is this interpreter, wherever the user's own is, and zteam this
-    zteam."""
+    """The command line of a user's program; in it `python` is this interpreter, and `zteam` this zteam."""
     program, *rest = words
     if is_own(program):
         return zteam_command(program, *rest)
@@ -321,8 +317,7 @@ def become(launch: TeamLaunch, name: str, environment: Mapping[str, str]) -> NoR
 
 
 def compose_file(launch: TeamLaunch, words: Sequence[str], *, is_shipped: bool) -> str:
-    """A compose file with one container for each process of a team, which lies beside the team file; `words` are those
-    that name the team and its arguments."""
+    """A compose file beside the team file, with a container a process; `words` name the team and its arguments."""
     team, *rest = words
     in_container = team if is_shipped else f"/team/{Path(team).name}"
     volumes = "" if is_shipped else _VOLUMES.format(source="${ZTEAM_FOLDER:-.}")

@@ -26,8 +26,7 @@ _SAMPLE_PERIOD = 5.0
 
 
 _FINAL = frozenset({0, 2, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.SIGPIPE})
-"""Exit codes of a process that has not failed, that was asked to end (systemd has the same), or that cannot
-run as it was started."""
+"""Exit codes of a process that has not failed, was asked to end (as for systemd), or cannot run as it was started."""
 
 
 DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)

@@ -51,8 +51,7 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
 
 
 def node_environment(bus: BusOptions) -> dict[str, str]:
-    """What gives a process these options. All is given, even if empty: what is left out would come from this process's
-    environment."""
+    """What gives a process these options. Empty ones too: otherwise this process's environment would give others."""
     return {
         **(dict.fromkeys(TLS_VARIABLES, "") if bus.tls is None else bus.tls.environment),
         "ZTEAM_CONNECT": bus.connect or bus.endpoint,
@@ -217,8 +216,7 @@ class Processes:
         return {**node_environment(self._options_of(name)), **self._added()}
 
     def environment_of_new(self, name: str) -> dict[str, str]:
-        """That of a process that the plan does not have. With certificates it has one only if the team file says so.
-        Raises ZteamError."""
+        """Of a process that the plan lacks: with certificates only if the team file names it. Raises ZteamError."""
         if self.certificates is not None:
             if name not in self._rights:
                 raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")

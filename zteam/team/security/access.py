@@ -139,8 +139,7 @@ _BY_COMMAND = {
 
 
 CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks if key != _STOP)
-"""All queries that change something (docs/keys.md) but the stop: a certificate may ask them if the team file grants it.
-"""
+"""All queries that change something (docs/keys.md) but the stop: a team file grants them."""
 
 
 def rights_of(team: Team) -> dict[str, Rights]:

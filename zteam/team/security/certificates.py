@@ -289,8 +289,7 @@ class Authority:
         self._write(f"{file}.pem", builder.sign(signer, hashes.SHA256()).public_bytes(pem))
 
     def save(self) -> None:
-        """Save the index, and let routers know: that is the last of all files, because a router then reads its own
-        certificate and key too."""
+        """Save the index, and let routers know, last of all: they then read their own certificate and key too."""
         index = self.index
         self._write(INDEX, _json(index))
         valid = {
