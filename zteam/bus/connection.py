@@ -246,6 +246,8 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
 
 
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
+    # A mistake in the options starts no router.
+    client_config(options)
     deadline = monotonic() + ON_DEMAND_DEADLINE
     respawn = Every(1.0)
     refused_until = math.inf

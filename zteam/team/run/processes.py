@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions
+from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions, client_config
 from zteam.bus.presence import Claim, find_processes
 from zteam.clock import HOST_FACTOR, local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
@@ -146,6 +146,8 @@ class Processes:
         """Have a router and a session. Raises BusError if the team runs at a given router already."""
         is_given = bool(self.endpoint)
         if not is_given:
+            # A mistake in the options starts no router.
+            client_config(self._options)
             router = self._start_router()
             self.supervisor.wait(
                 lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE

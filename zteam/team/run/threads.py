@@ -19,7 +19,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
+from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions, client_config
 from zteam.bus.router import open_team_router
 from zteam.errors import UsageError, ZteamError
 from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
@@ -284,6 +284,7 @@ class Threads:
         if given is not None:
             lease, self.endpoint = lease_for(self._pace, given.lease), given.connect or ""
             if not self.endpoint:
+                client_config(given)
                 router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
                 self._ends.callback(router.close)
                 self.endpoint = router.endpoint
