@@ -235,7 +235,6 @@ def _between(bounds: tuple[float, float], share: float) -> float:
 
 
 def plan_text(faults: Sequence[Fault], comment: str = "") -> str:
-    """A plan as a TOML file."""
     tables = []
     for fault in faults:
         unused = {"kill": ("for", "delay", "rate"), "slow": ()}.get(fault.fault, ("delay", "rate"))

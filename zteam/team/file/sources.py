@@ -24,10 +24,14 @@ MAX_FILES = 100
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
-_REFERENCE = re.compile(
-    rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
-)
+# Braces in quotes do not count. A quote may also stand alone.
+_QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
+_BRACED = r"\{\}"
+for _ in range(10):
+    # Tables in tables.
+    _BRACED = rf'\{{(?:{_QUOTED}|[^{{}}"]|{_BRACED})*+\}}'
+_DEFAULT = rf'(?:\$(?!\{{)|{_QUOTED}|[^${{}}"]|{_BRACED})*+'
+_REFERENCE = re.compile(rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>{_DEFAULT}))?\}}")
 
 
 _HINTS = {

@@ -142,8 +142,6 @@ class _PublisherPair(Handle):
 
 
 class _Session(MemoryTransport):
-    """The session of one node."""
-
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         return super().declare_queryable(key, answering_as(self._owner, handler))
 

@@ -224,7 +224,6 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
 
 
 def plan_team(launch: TeamLaunch) -> LaunchPlan:
-    """The processes of a team."""
     team = launch.team
     restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
     # Another simulator begins another run.

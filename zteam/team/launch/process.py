@@ -291,7 +291,6 @@ class Process:
             self._child.stdin.close()
 
     def signal(self, number: int) -> None:
-        """Send it a signal if it still runs."""
         if self.running:
             self._child.send_signal(number)
 

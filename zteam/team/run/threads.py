@@ -267,7 +267,6 @@ class Threads:
 
     @property
     def hung(self) -> set[str]:
-        """The nodes whose step does not return, or was ended."""
         return self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
@@ -326,7 +325,6 @@ class Threads:
                     self.supervisor.start_job(name, job)
 
     def _begin(self, name: str) -> NodeThread:
-        """Start one node, in a thread of its own."""
         node = self._make(name)
         Thread(target=node.run, name=name, daemon=True).start()
         return node
@@ -339,7 +337,6 @@ class Threads:
         return self._environment
 
     def close(self) -> None:
-        """End the session, and kill what still runs."""
         with self._ends:
             self._ends.callback(self.supervisor.close)
             if self.bus is not None:
