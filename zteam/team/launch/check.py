@@ -7,6 +7,7 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
@@ -150,9 +151,10 @@ def _format_fault(path: Path, by_python: str) -> str:
         line = file.readline(1024)
     if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
         return f"{path} is a program for Windows"
-    if line.startswith(b"#!"):
-        if line.endswith(b"\r\n"):
-            return f"{path} has Windows line ends, so its first line names no program: save it with those of Unix"
+    if line.startswith((b"#!", BOM_UTF8 + b"#!")):
+        if line.startswith(BOM_UTF8) or line.endswith(b"\r\n"):
+            mark = "a byte order mark" if line.startswith(BOM_UTF8) else "Windows line ends"
+            return f"{path} has {mark}, so its first line names no program: save it as text of Unix, UTF-8 without mark"
         is_there = existing_file(path.parent / (os.fsdecode(line[2:]).split() or [""])[0])
         return "" if is_there else f"the first line of {path} names a program that is not there"
     if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
