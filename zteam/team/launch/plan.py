@@ -189,13 +189,10 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
     if navigated:
         # One process for all of them: they share the map.
         told[names.navigation_name(min(navigated))] = NavigationOptions(navigated, launch.seed)
-    # The module of a user's behaviour may lie beside the team file and what it includes.
-    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
-    folders = (*dict.fromkeys([*own, *team.folders]), "")
     for robot in team.driven:
         spec, params = behavior_of(robot)
         told[names.robot_name(robot.id)] = RobotOptions(
-            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
+            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=(*team.folders, "")
         )
     if launch.view is not None:
         told[names.VIEW] = launch.view

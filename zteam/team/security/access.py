@@ -146,14 +146,12 @@ def rights_of(team: Team) -> dict[str, Rights]:
     """The rights of each certificate of a team, by name."""
     simulated = team.team.world != NO_WORLD
     processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
-    if simulated:
-        processes.append(names.SIMULATOR)
-    if team.team.map is not None or not simulated:
-        processes.append(names.MAP_SERVER)
+    ids = [robot.id for robot in team.robots]
     navigated = [robot.id for robot in team.robots if navigation_of(robot) is not None]
-    for robot in team.robots:
-        processes += [names.robot_name(robot.id), *([] if simulated else [names.base_name(robot.id)])]
-    processes += [*map(names.navigation_name, navigated), *(node.name for node in team.nodes)]
+    processes += [names.SIMULATOR] if simulated else [names.MAP_SERVER, *map(names.base_name, ids)]
+    processes += [names.MAP_SERVER] if team.team.map is not None else []
+    processes += [*map(names.robot_name, ids), *map(names.navigation_name, navigated)]
+    processes += [node.name for node in team.nodes]
     granted = team.security.grants
     found = {name: _part_of(name, navigated, simulated) for name in (*processes, *granted)}
     # A node may drive what no process of the team does.

@@ -188,7 +188,7 @@ def test_several_views_have_different_names() -> None:
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
     """And from the current folder, after that."""
-    plan = plan_of(Team(robots=[RobotEntry(id=0, behavior="mine:Spin")]), team_file=Path("/t/team.toml"))
+    plan = plan_of(Team(robots=[RobotEntry(id=0, behavior="mine:Spin")], folders=("/t",)))
     assert told(plan, "robot_0", RobotOptions).folders == ("/t", "")
 
 
