@@ -24,10 +24,14 @@ MAX_FILES = 100
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
-_REFERENCE = re.compile(
-    rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
-)
+# Braces in quotes do not count. A quote may also stand alone.
+_QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
+_BRACED = r"\{\}"
+for _ in range(10):
+    # Tables in tables.
+    _BRACED = rf'\{{(?:{_QUOTED}|[^{{}}"]|{_BRACED})*+\}}'
+_DEFAULT = rf'(?:\$(?!\{{)|{_QUOTED}|[^${{}}"]|{_BRACED})*+'
+_REFERENCE = re.compile(rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>{_DEFAULT}))?\}}")
 
 
 _HINTS = {
@@ -94,7 +98,6 @@ class Table(dict[str, Any]):
         """Of keys that do not stand in the table at `place`."""
 
     def put(self, key: str, value: Any, place: KeyPlace) -> None:
-        """Set a key that stands at `place`."""
         self[key], self._places[key] = value, place
 
     def place_of(self, *path: str | int) -> KeyPlace:
@@ -116,8 +119,7 @@ class Table(dict[str, Any]):
 
 
 def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int = 99) -> Table:
-    """Both tables key by key, and the tables in them to a depth; of anything else that of `over`, but `lists` follow
-    each other."""
+    """Both tables key by key, to a depth; of anything else that of `over`, but `lists` follow each other."""
     merged = Table(over.place)
     for table in (base, over):
         for key, value in table.items():

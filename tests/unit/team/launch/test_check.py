@@ -197,6 +197,7 @@ def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path, mo
         (b"print(1)\n", 0o755, '["python", "./own", …]'),
         ("# Größe\n".encode(), 0o755, '["python", "./own", …]'),
         (b"#!/usr/bin/env python3\r\nprint(1)\r\n", 0o755, "Unix"),
+        (b"\xef\xbb\xbf#!/usr/bin/env python3\nprint(1)\n", 0o755, "byte order mark"),
         (b"#!/no/such/python\n", 0o755, "first line"),
         (b"#!\n", 0o755, "first line"),
         (b"MZ\x90\0\x03\n", 0o755, "Windows"),
