@@ -108,9 +108,9 @@ def read_description(path: Path) -> Description:
         above[key] = [("joint", joint.mimic[0])] if joint.mimic else []
     roots = [name for name in links if ("link", name) not in above]
     if len(roots) != 1:
-        place = (elements["link", roots[-1]] if roots else root).get(_PLACE)
+        at = (elements["link", roots[-1]] if roots else root).get(_PLACE)
         text = f"a robot has one <link> that hangs on no joint; here: {', '.join(roots) or 'none'}"
-        raise ConfigError(f"{place}: {text:.200}")
+        raise ConfigError(f"{at}: {text:.200}")
     try:
         order = [*TopologicalSorter(above).static_order()]
     except CycleError as error:

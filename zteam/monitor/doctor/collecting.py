@@ -23,9 +23,8 @@ from zteam.messages.topics import has_one_writer, is_measured, is_sensed, type_o
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
-from zteam.transforms import Buffer
 from zteam.transforms.client import TreeListener, find_frames
-from zteam.transforms.lasers import LaserMounts, LaserProblem
+from zteam.transforms.lasers import LaserMounts
 
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
@@ -57,7 +56,12 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
     frames = find_frames(bus)
-    scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
+    lasers = {
+        key: wrong
+        for key, (_, message) in newest.items()
+        if isinstance(message, LaserScan) and (target := names.split_robot_key(key))
+        if (wrong := LaserMounts(target[0], tree.buffer).level(message).problem)
+    }
     return Facts(
         nodes=nodes,
         writers={
@@ -77,7 +81,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
         leads={} if before or after or names.CLOCK in heard else find_leads(newest, survey.times),
-        lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
+        lasers={} if frames is None else lasers,
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         loads=_loads(survey, name_of, {node.instance for node in nodes}),
@@ -195,16 +199,6 @@ def _decode(
             if key not in newest or sample.timestamp > newest[key][0].timestamp:
                 newest[key] = sample, message
     return faults, newest
-
-
-def _find_laser_problems(buffer: Buffer, scans: Mapping[str, LaserScan]) -> dict[str, LaserProblem]:
-    """Of scans by key: why no process can use them."""
-    found = {}
-    for key, scan in scans.items():
-        target = names.split_robot_key(key)
-        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
-            found[key] = wrong
-    return found
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:
