@@ -115,12 +115,13 @@ def check_strays(facts: Facts) -> Iterator[Finding]:
 def check_bases(facts: Facts) -> Iterator[Finding]:
     """Robots whose base cannot be used as it is, and frames that hang on nothing."""
     yield from filter(None, (_base_problem(facts, robot_id) for robot_id in facts.robots))
-    frames, due = facts.frames or {}, (names.ODOM, names.BASE_FOOTPRINT)
+    frames = facts.frames or {}
     told = {robot_id for robot_id in facts.robots if _gap(frames, robot_id)}
     # One child of each.
     for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
-        robot_id, local = names.split_robot_key(parent) or (-1, parent)
-        if parent not in {*frames, *names.GLOBAL_FRAMES} and robot_id not in told and local not in due:
+        robot_id, local = names.split_robot_key(parent) or (None, parent)
+        is_told = robot_id is not None and (robot_id in told or local in (names.ODOM, names.BASE_FOOTPRINT))
+        if parent not in {*frames, *names.GLOBAL_FRAMES} and not is_told:
             step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
             step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
             yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
