@@ -1,11 +1,13 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from itertools import count
+from numbers import Real
 from traceback import extract_stack
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -320,6 +322,8 @@ class Node(ProcessNode):
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
+        if not (isinstance(period, Real) and 0.0 <= period < math.inf):
+            raise UsageError(f"node.run(step, period={period!r}): give the seconds between two steps, such as 0.1")
         self.was_run = True
         status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
@@ -330,7 +334,7 @@ class Node(ProcessNode):
         self.adopt(own.act, own, readiness, status)
         self.become_present()
         waits = ": waiting for the monitor's GO" if gate else ""
-        log.info("node %s, a step every %g s, in lock-step with the next tick%s", self.name, period, waits)
+        log.info("node %s, a step every %g s (in lock-step in the next tick)%s", self.name, period, waits)
         self.drive(self.look)
 
     def adopt(

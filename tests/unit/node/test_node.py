@@ -1,5 +1,6 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -73,6 +74,9 @@ CALLS: list[tuple[Callable[[Any], object], str]] = [
     (lambda node: node.watch_tokens("sim/alive/*", lambda key: None), "takes the key and whether"),
     (lambda node: node.run(None), "write node.run(step)"),
     (lambda node: node.run(lambda: None), "def step(now)"),
+    (lambda node: node.run(print, period=-1.0), "period=-1.0): give the seconds"),
+    (lambda node: node.run(print, period=math.nan), "period=nan): give the seconds"),
+    (lambda node: node.run(print, period="1"), "period='1'): give the seconds"),
 ]
 
 
