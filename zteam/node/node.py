@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
-from zteam.bus.graph import find_graph, unpublished
+from zteam.bus.graph import find_graph, robots_of, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import BusError, UsageError, check_call
@@ -379,7 +379,7 @@ class Node(ProcessNode):
         def search() -> None:
             with suppress(BusError):
                 graph = find_graph(self.bus)
-                if graph.robots() and not self.stopping:
+                if robots_of(each.key for each in graph.declarations if each.publishes) and not self.stopping:
                     unheard, self._unheard = self._unheard, set()
                     for key, near in unpublished(graph, unheard).items():
                         # What has no near key may be sent now and then.

@@ -197,4 +197,4 @@ def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
                 merger.describe(3, described)
         (said,) = merger.statics.message().transforms
         assert (said.child_frame_id, said.transform.translation.x) == ("robot_3/camera", 0.7)
-        assert merger.take_conflicts() == []
+        assert merger.conflicts() == []

@@ -22,7 +22,7 @@ from zteam.messages.std_msgs import ns_from_time
 from zteam.messages.topics import has_one_writer, is_measured, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
-from zteam.simulator.client import SimStatus, find_status
+from zteam.simulator.client import find_status
 from zteam.transforms.client import TreeListener, find_frames
 from zteam.transforms.lasers import LaserMounts
 
@@ -40,7 +40,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     nodes = find_nodes(bus)
     graph = Graph(bus.declarations(), nodes)
     tree = TreeListener(bus)
-    survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
+    stands = before is None or before.paused or before.finished or (before.lockstep and before.waiting_for)
+    survey = _listen(bus, nodes, [] if stands else graph.declarations)
     router_id, strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
     heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
@@ -55,6 +56,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
+    own = {node.instance for node in nodes if kinds.kind_of(node.name) is None}
+    subscribed = {each.key for each in graph.declarations if not each.publishes and each.session in own}
     frames = find_frames(bus)
     lasers = {
         key: wrong
@@ -69,7 +72,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             for key, samples in heard.items()
         },
         publishers=_publishers(graph, lambda each: each.publishes, places),
-        unpublished=unpublished(graph, _own_subscriptions(graph), heard),
+        # What all nodes subscribe to is no mistake of a user's own.
+        unpublished=unpublished(graph, subscribed - {names.CLOCK, names.TICK}, heard),
         faults=faults,
         dropped=_publishers(graph, lambda each: each.dropped, {}),
         counts={
@@ -120,11 +124,6 @@ def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container
     ]
 
 
-def _stands(sim: SimStatus) -> bool:
-    """Whether no data comes of the simulator for now."""
-    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
-
-
 def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> Survey:
     """Listen to all keys until every robot that answers has published its status and all that is measured has come, as
     far as these declarations have it: a slow world takes its time for a tick."""
@@ -160,13 +159,6 @@ def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Dec
         if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
             users.setdefault(each.key, set()).add(each.session)
     return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
-
-
-def _own_subscriptions(graph: Graph) -> set[str]:
-    """What the users' own nodes subscribe to, without what all of them do."""
-    own = {node.instance for node in graph.processes if kinds.kind_of(node.name) is None}
-    common = {names.CLOCK, names.TICK}
-    return {each.key for each in graph.declarations if not each.publishes and each.session in own} - common
 
 
 def _publishers(graph: Graph, counts: Callable[[Declaration], bool], places: Mapping[str, str]) -> dict[str, list[str]]:

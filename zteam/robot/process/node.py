@@ -223,7 +223,7 @@ class RobotNode:
         if self._scan is not before:
             # Before GO: why the pose of a leader cannot come.
             leader = None if node.readiness.released else driver.behavior.leader
-            driver.absence = "" if leader is None else absence_of(node.bus, leader)
+            driver.absence, driver.is_alone = "" if leader is None else absence_of(node.bus, leader), False
             self._tell_outage("")
             return
         try:

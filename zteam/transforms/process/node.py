@@ -47,6 +47,8 @@ class Aggregator:
         self._descriptions = descriptions or {}
         self._tokens = TokenSet()
         self._merger = Merger(options.static_transforms, self._name_of)
+        self._told = 0
+        """How many conflicts the log has."""
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
@@ -219,7 +221,8 @@ class Aggregator:
     def beat(self) -> None:
         """Log the conflicts of the last second."""
         with self._node.changed:
-            conflicts = self._merger.take_conflicts()
+            conflicts = self._merger.conflicts()[self._told :]
+        self._told += len(conflicts)
         for conflict in conflicts[:_MOST_CONFLICTS]:
             log.warning("%s", conflict)
         if more := len(conflicts[_MOST_CONFLICTS:]):
