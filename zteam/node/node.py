@@ -537,7 +537,7 @@ def run(
     try:
         check_call(body if isinstance(name, str) else None, 1, text)
     except UsageError as error:
-        log.error("%s%s", place_in(extract_stack()), error)
+        log.error("%s: %s", place_in(extract_stack()), error)
         raise SystemExit(error.exit_code) from None
     assert body is not None
     chosen = BusOptions.from_environment() if options is None else options

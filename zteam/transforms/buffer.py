@@ -7,6 +7,7 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 import logging
 import threading
 from collections.abc import Callable, Container, Iterable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,11 +232,9 @@ class Buffer:
 
     def latest_common_time(self, target_frame: str, source_frame: str) -> int | None:
         """The newest stamp (ns) that all moving edges between two frames have; 0 if none moves, None if unconnected."""
-        with self.lock:
-            try:
-                return self._latest(target_frame, source_frame)
-            except errors.TransformException:
-                return None
+        with self.lock, suppress(errors.TransformException):
+            return self._latest(target_frame, source_frame)
+        return None
 
     def frame(self, child: str) -> FrameInfo | None:
         """The figures of one child frame; None without data."""

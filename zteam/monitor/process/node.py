@@ -92,11 +92,9 @@ LOOK_FOR = 1.0
 
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
     end = monotonic() + LOOK_FOR
-    while not node.stopping:
+    while not node.stopping and monotonic() < end:
         if answers := find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR):
             return answers[0]
-        if monotonic() > end:
-            return None
         # A session that was just opened may not reach the other processes yet.
         node.wait(lambda: False, 0.1)
     return None
