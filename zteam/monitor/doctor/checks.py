@@ -82,8 +82,8 @@ def check_stops(facts: Facts) -> Iterator[Finding]:
     held = set(facts.sim.stopped if facts.sim else ())
     held |= {i for i, status in facts.statuses.items() if status.is_stopped and i in facts.robots}
     if held:
-        noun = "robot" if len(held) == 1 else "robots"
-        yield problem("stop", f"'zteam stop' holds {noun} {format_robot_ids(sorted(held))}", "zteam stop --release")
+        text = f"'zteam stop' holds robot{'s' * (len(held) > 1)} {format_robot_ids(held)}"
+        yield problem("stop", text, "zteam stop --release")
 
 
 def check_readiness(facts: Facts) -> Iterator[Finding]:
@@ -289,8 +289,7 @@ def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
         yield problem("robots", text, step)
     idle = [i for i in there if i not in facts.robots and names.robot_key(i, names.CMD_VEL) not in facts.writers]
     if idle and facts.alive & {names.MONITOR, *map(names.robot_name, there)}:
-        noun = "robot" if len(idle) == 1 else "robots"
-        text = f"no process drives {noun} {format_robot_ids(idle)} of the world"
+        text = f"no process drives robot{'s' * (len(idle) > 1)} {format_robot_ids(idle)} of the world"
         yield note("robots", text, f"zteam-robot --id {idle[0]}")
 
 

@@ -138,7 +138,7 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     node.become_present()
     awaited = counted(options.team_size, "robot")
     if options.ids is not None:
-        awaited = f"{'robots' if len(options.ids) > 1 else 'robot'} {format_robot_ids(options.ids)}"
+        awaited = f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
     if not node.in_team:
         log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:
