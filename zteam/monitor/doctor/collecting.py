@@ -127,7 +127,7 @@ def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container
 def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> Survey:
     """Listen to all keys until every robot that answers has published its status and all that is measured has come, as
     far as these declarations have it: a slow world takes its time for a tick."""
-    robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
+    robots = {names.robot_id_of(node.name) for node in nodes if node.pid}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
     due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
     with closing(Survey(bus, "**")) as survey:
