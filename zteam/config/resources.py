@@ -58,7 +58,6 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
     Raises UsageError with the shipped names.
     """
     text = from_home(str(text))
-    refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
@@ -79,14 +78,19 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
     raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
-def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
-    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes."""
+def read_file(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> bytes:
+    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes.
+
+    With `own`, also for a file of another program (`zteam.config.foreign_files`); those of that kind are none.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except (OSError, ValueError) as fault:
         # ValueError: a NUL in the name.
         raise error(f"{path}: cannot read this {what}: {getattr(fault, 'strerror', None) or fault}") from None
+    if own is not None:
+        refuse_foreign(path, data, what, error, own)
     if len(data) > most:
         raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
     return data
@@ -105,12 +109,12 @@ def load_yaml(text: str | bytes) -> Any:
     return yaml.load(text, loader)
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def read_yaml(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> Any:
+    """The contents of a user's YAML file, read as `read_file` does. Raises `error`."""
     import yaml
 
     try:
-        return load_yaml(read_file(path, what, most, error))
+        return load_yaml(read_file(path, what, most, error, own))
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
         raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
 

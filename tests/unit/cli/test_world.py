@@ -172,7 +172,7 @@ def test_new_takes_a_large_plan(run: Run) -> None:
         ("plan.png --resolution 0.05 -o none/plan.world", "cannot write none/plan.world"),
         ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already"),
         ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),
-        ("m.yaml --resolution 0.05", "m.yaml: this is a map of map_server, not a picture"),
+        ("m.yaml --resolution 0.05", "m.yaml: it is no PNG, PGM, BMP, JPEG or GIF; save it as a PNG"),
     ],
 )
 def test_new_refuses_in_a_line_and_writes_nothing(run: Run, words: str, text: str) -> None:

@@ -247,7 +247,7 @@ class Engine:
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
-        return self._assembled().odometry.start(self._index(robot_id))
+        return Pose2(*self._assembled().bases.start[self._index(robot_id)].tolist())
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""

@@ -205,7 +205,3 @@ class WheelOdometry:
     def carry(self, i: int, pose: Pose2) -> None:
         """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""
         self._start[i] = pose.compose(Pose2(*self.poses[i].tolist()).inverse())
-
-    def start(self, i: int) -> Pose2:
-        """The pose in `map` of robot `i`'s `odom` frame, as if its odometry were exact."""
-        return Pose2(*self._start[i].tolist())

@@ -169,8 +169,7 @@ class Builder:
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
             map_from_body = owner_from_model.compose(body.origin.planar)
-            picture = self._settings.pictures.get(id(body.bitmap), body.bitmap.shape)
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name, picture))
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name))
         if chassis is None and body.blocks:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
@@ -207,8 +206,8 @@ class Builder:
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         known, macros = TYPES | frozenset(sensing), self._settings.macros
         if kind not in known:
-            if kind in macros:
-                raise place.error(f"{kind!r:.60} is defined further down, at {macros[kind]}: move its definition up")
+            if macro := macros.get(kind):
+                raise place.error(f"{kind!r:.60} is defined further down, at {macro.place}: move its definition up")
             hint = did_you_mean(kind, sorted(known | macros.keys()), form=MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
@@ -249,8 +248,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    macros = {name: macro.place for name, macro in document.macros.items()}
-    settings = Settings(path.parent, remarks, whole_bitmaps, macros)
+    settings = Settings(path.parent, remarks, whole_bitmaps, document.macros)
     settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
     reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)
