@@ -74,6 +74,8 @@ def _new(args: argparse.Namespace) -> int:
 
     picture, metres, robots = args.picture, args.resolution, args.robots
     chosen = args.output or picture
+    if chosen.is_dir():
+        chosen /= picture.name
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
     if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\'):

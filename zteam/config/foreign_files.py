@@ -20,10 +20,10 @@ _KINDS = {
     r"\A<robot\b": ("a robot's description (URDF)", "name it as the description of a robot in a team file"),
     r"\A<launch\b|\bgenerate_launch_description\b": ("a launch file of ROS", "write a team file instead"),
     r"^(?:from [\w.]+ import|import [\w.]+)": ("a Python program", "name it in a team file, as a behavior or a node"),
-    r"\A<\w": ("an XML file, as of Gazebo (SDF), MVSim or Tiled", f"export its plan as a PNG; {_WORLDS}"),
+    r"\A<(?:sdf|gazebo)\b": ("a file of Gazebo (SDF)", _WORLDS),
+    r"\A<\w": ("an XML file (MVSim, Tiled and others)", f"export its plan as a PNG; {_WORLDS}"),
     r"\A#(?:VRML|X3D)|^WorldInfo\s*\{": ("a file of Webots (VRML)", _WORLDS),
-    r"^[ \t]*driver\s*\([^)]{0,500}\b(?:provides|plugin)\b": (
-        "a configuration of Player", "name the world that it has as its worldfile"),
+    r"^[ \t]*driver\s*\([^)]{0,500}\b(?:provides|plugin)\b": ("a configuration of Player", "name its worldfile"),
     MAP_FILE: ("a map of map_server", "a team file takes it, named *.yaml, as its world or its map"),
     r"^world:[ \t]*(?:[#{][^\n]*)?\r?$": ("a world of IR-SIM", _WORLDS),
     r"^layers:": ("a world of flatland", "name the map of one of its layers: a YAML file with image and resolution"),

@@ -41,10 +41,7 @@ def from_home(text: str) -> str:
 
 
 def find_world(text: str | Path, folder: Path = Path()) -> Path:
-    """The world file that a user names: a path from `folder`, else a shipped world.
-
-    Raises UsageError with the shipped names.
-    """
+    """The world file that a user names: a path from `folder`, else a shipped world. Raises UsageError."""
     text = from_home(str(text))
     found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
@@ -53,10 +50,7 @@ def find_world(text: str | Path, folder: Path = Path()) -> Path:
 
 
 def find_team(text: str | Path, folder: Path = Path()) -> Path:
-    """The team file that a user names: a path from `folder`, else a shipped team.
-
-    Raises UsageError with the shipped names.
-    """
+    """The team file that a user names: a path from `folder`, else a shipped team. Raises UsageError."""
     text = from_home(str(text))
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):

@@ -149,11 +149,12 @@ def test_new_makes_a_world_of_a_picture_that_a_team_runs_in(run: Run, robots: in
 
 
 def test_new_takes_a_large_plan(run: Run) -> None:
-    """The world of 2 x 1 km has a map of cells so large that the team starts; its file may lie elsewhere."""
+    """The world of 2 x 1 km has a map of cells so large that the team starts; its file may lie in another folder."""
     plan().save("plan.png")
     Path("sub").mkdir()
-    run("zteam world new plan.png --resolution 10 -o sub/big.world")
-    assert check_team(read_team_file(Path("sub/big.toml"))) == Path("sub/big.world")
+    for output, name in (("sub/big.world", "big"), ("sub", "plan")):
+        run(f"zteam world new plan.png --resolution 10 -o {output}")
+        assert check_team(read_team_file(Path(f"sub/{name}.toml"))) == Path(f"sub/{name}.world")
 
 
 @pytest.mark.parametrize(

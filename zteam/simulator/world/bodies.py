@@ -13,8 +13,8 @@ from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import MODELS
-from zteam.simulator.world.model import Floorplan, Shape
-from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
+from zteam.simulator.world.model import Shape
+from zteam.simulator.world.properties import Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
 
 DARK = 127.5
@@ -178,7 +178,7 @@ def read_body(reader: Reader) -> Body:
             pose = pose if reader.has("pose") else Pose3(x, y, 0.0, yaw)
     elif not blocks:
         sensing = MODELS.get(entity.type)
-        has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
+        has_body = entity.type != "camera" if sensing is None else sensing.has_body
         blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
@@ -203,7 +203,7 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
         known[key] = rectangles(body.bitmap, MAX_RECTANGLES) or []
     boxes = known[key]
     if not boxes:
-        reader.remark_entity(f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
+        reader.remark("", f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]
     reader.add_up("bitmap", "points of blocks", 4 * len(boxes), MAX_ALL_POINTS)
     # Edges of columns and of rows, from the middle.
@@ -211,14 +211,6 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
     y = (np.arange(rows + 1) * (body.size.y / rows) - body.size.y / 2).tolist()
     found = (_box(x[left], y[bottom], x[right], y[top], body.size.z) for bottom, top, left, right in boxes)
     return *body.blocks, *found
-
-
-def place_floorplan(body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str) -> Floorplan:
-    """A bitmap that stands still: its cells fill the box of the model's size."""
-    rows, columns = occupied.shape
-    pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
-    cell = body.size.x / columns, body.size.y / rows
-    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface, body.picture)
 
 
 def _read_color(reader: Reader) -> str:
@@ -283,6 +275,6 @@ def _read_block(reader: Reader) -> Block | None:
         reader.remark("points", "a block without an area is ignored")
         return None
     if not is_simple(points):
-        reader.remark_entity("this block's outline crosses itself: its convex hull is taken")
+        reader.remark("", "this block's outline crosses itself: its convex hull is taken")
         points = convex_hull(points)
     return Block(points, z_min, z_max)

@@ -15,7 +15,7 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, place_blocks, read_body, solid_blocks
 from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
@@ -168,8 +168,12 @@ class Builder:
             chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
-            map_from_body = owner_from_model.compose(body.origin.planar)
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name))
+            (rows, columns), size, top = body.bitmap.shape, body.size, lift + body.size.z
+            corner = Pose2(-size.x / 2, -size.y / 2, 0.0)
+            map_from_corner = owner_from_model.compose(body.origin.planar).compose(corner)
+            cell = size.x / columns, size.y / rows
+            plan = Floorplan(name, body.bitmap, cell, map_from_corner, lift, top, *body.surface, body.picture)
+            self.floorplans.append(plan)
         if chassis is None and body.blocks:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
@@ -179,7 +183,7 @@ class Builder:
             x, y, yaw = base_from_body
             chassis.devices.extend(sensing.read(reader, name, Pose3(x, y, lift, yaw)))
         elif sensing is not None:
-            reader.remark_entity(f"a {entity.type} that no robot carries is not simulated")
+            reader.remark("", f"a {entity.type} that no robot carries is not simulated")
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
         own = Mount(owner_from_model, top, chassis, name + ".")
         for child in entity.children:
@@ -212,7 +216,7 @@ class Builder:
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in UNSUPPORTED:
-            reader.remark_entity(f"{UNSUPPORTED[kind]} not simulated")
+            reader.remark("", f"{UNSUPPORTED[kind]} not simulated")
         else:
             reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
 

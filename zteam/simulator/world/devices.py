@@ -28,7 +28,7 @@ def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
         limits = reader.number("range_min", 0.0, "l"), reader.number("range_max", 8.0, "l")
         return _read_sensor(reader, name, seat, limits, math.pi, 180)
     if not sensors:
-        reader.remark_entity("this ranger has no sensor( )")
+        reader.remark("", "this ranger has no sensor( )")
     found: list[Ranger] = []
     for i, own in enumerate(sensors):
         own.remark_unused("sensor")

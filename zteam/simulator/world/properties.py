@@ -34,9 +34,6 @@ UNSUPPORTED = {
 }
 """Stage's other devices; their bodies, and the models on them, are there all the same."""
 
-BODILESS = frozenset({"camera"})
-"""Unsupported types with no body unless they have blocks."""
-
 TYPES = frozenset({"model", "position", *UNSUPPORTED})
 """Types of models, except those that sense (`zteam.simulator.world.devices`)."""
 
@@ -170,12 +167,8 @@ class Reader:
         raise self.place(name).error(text)
 
     def remark(self, name: str, text: str) -> None:
-        """Note what is done about a property."""
+        """Note what is done about a property; with an empty name, about the entity as a whole."""
         self.settings.remarks.add(self.place(name), text)
-
-    def remark_entity(self, text: str) -> None:
-        """Note something about the entity as a whole."""
-        self.settings.remarks.add(self.entity.place, text)
 
     def add_up(self, name: str, what: str, number: int, most: int) -> None:
         """Count what all models of a world have together; raises WorldError at a property by which it is too much."""
