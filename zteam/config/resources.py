@@ -73,10 +73,8 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
 
 
 def read_file(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> bytes:
-    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes.
-
-    With `own`, also for a file of another program (`zteam.config.foreign_files`); those of that kind are none.
-    """
+    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes. With `own`, also
+    for a file of another program (`zteam.config.foreign_files`); those of that kind are none."""
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
@@ -91,10 +89,8 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError], own: st
 
 
 def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
-
-    Raises yaml.YAMLError, ValueError and RecursionError.
-    """
+    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text. Raises
+    yaml.YAMLError, ValueError and RecursionError."""
     import yaml  # slow to import
 
     loader: Any = type("Loader", (yaml.SafeLoader,), {})

@@ -150,10 +150,8 @@ def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocit
 
 
 class WheelOdometry:
-    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames.
-
-    Without errors they are the true poses, seen from the place where odometry is zero.
-    """
+    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames. Without errors
+    they are the true poses, seen from the place where odometry is zero."""
 
     def __init__(
         self, bases: Bases, robots: Sequence[Robot], ids: Sequence[int], alphas: tuple[float, ...] | None, seed: int

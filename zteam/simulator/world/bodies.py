@@ -60,10 +60,8 @@ def occupied_box(occupied: Grid) -> Box | None:
 
 
 def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
-    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above.
-
-    None if there are more than `limit`.
-    """
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above. None if
+    there are more than `limit`."""
     steps = np.diff(occupied, axis=1, prepend=False, append=False)
     rows, columns = np.nonzero(steps)
     if rows.size > 2 * limit * len(occupied):

@@ -41,10 +41,8 @@ def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
 def _read_sensor(
     reader: Reader, name: str, foot: Pose3, limits: Point2 = (0.0, 5.0), fov: float = 0.1, samples: int = 1
 ) -> list[Ranger]:
-    """The sensor that stands at `foot` in the base frame, its z above the ground; none if it has no rays.
-
-    `limits` (of the range), `fov` and `samples` are defaults. The rays start half-way up.
-    """
+    """The sensor that stands at `foot` in the base frame, its z above the ground; none if it has no rays. `limits` (of
+    the range), `fov` and `samples` are defaults. The rays start half-way up."""
     range_name = "range" if reader.has("range") else "range_max"
     low, high = reader.numbers("range", "ll", limits)
     if not high > 0:

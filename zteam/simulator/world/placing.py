@@ -28,10 +28,8 @@ _TOUCH = 1e-6
 
 
 def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
-    """What keeps `robot` from standing at its pose, as `would stand …`; empty if nothing does.
-
-    `others` are the robots that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall.
-    """
+    """What keeps `robot` from standing at its pose, as `would stand …`; empty if nothing does. `others` are the robots
+    that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall."""
     outside = _find_outside(world, robot.pose)
     if outside:
         return outside
@@ -68,10 +66,8 @@ def find_places(occupied: Grid, cell: float, count: int) -> list[Point2]:
 
 
 def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
-    """The world's own robots that have no room at their start poses, and what keeps each from standing there.
-
-    Of two robots in the same place it is the second.
-    """
+    """The world's own robots that have no room at their start poses, and what keeps each from standing there. Of two
+    robots in the same place it is the second."""
     for robot_id, robot in enumerate(world.robots):
         hindrance = find_hindrance(world, robot, dict(enumerate(world.robots[:robot_id])))
         if hindrance:

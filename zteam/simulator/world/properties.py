@@ -138,10 +138,8 @@ class Reader:
         return Reader(entity, self.settings)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
-        """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type.
-
-        `also` names what a model of this type reads besides the properties of every model.
-        """
+        """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type. `also`
+        names what a model of this type reads besides the properties of every model."""
         read, silent = READ.get(kind, _MODEL) | also, SILENT.get(kind, _DISPLAY)
         for name, found in self.entity.properties.items():
             plain = _INDEX.sub("[]", name)
