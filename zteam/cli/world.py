@@ -78,8 +78,8 @@ def _new(args: argparse.Namespace) -> int:
         chosen /= picture.name
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
-    if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\'):
-        raise UsageError(f"{picture}: a world file cannot hold a name with a quote: give it another one")
+    if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\$'):
+        raise UsageError(f"{picture}: world and team files cannot hold a name with a quote or a $: give another")
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
     size, places = f"{width:g} x {height:g} m", find_places(occupied, metres, robots)

@@ -170,6 +170,7 @@ def test_new_takes_a_large_plan(run: Run) -> None:
         ("none.png --resolution 0.05", "none.png"),
         (". --resolution 0.05", "cannot read bitmap ."),
         ("plan.png --resolution 0.05 -o 'a\"b.world'", "a name with a quote"),
+        ("plan.png --resolution 0.05 -o '${a}.world'", "a name with a quote or a $"),
         ("plan.png --resolution 0.05 -o none/plan.world", "cannot write none/plan.world"),
         ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already"),
         ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),
