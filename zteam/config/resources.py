@@ -41,10 +41,7 @@ def from_home(text: str) -> str:
 
 
 def find_world(text: str | Path, folder: Path = Path()) -> Path:
-    """The world file that a user names: a path from `folder`, else a shipped world.
-
-    Raises UsageError with the shipped names.
-    """
+    """The world file that a user names: a path from `folder`, else a shipped world. Raises UsageError."""
     text = from_home(str(text))
     found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
@@ -53,12 +50,8 @@ def find_world(text: str | Path, folder: Path = Path()) -> Path:
 
 
 def find_team(text: str | Path, folder: Path = Path()) -> Path:
-    """The team file that a user names: a path from `folder`, else a shipped team.
-
-    Raises UsageError with the shipped names.
-    """
+    """The team file that a user names: a path from `folder`, else a shipped team. Raises UsageError."""
     text = from_home(str(text))
-    refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
@@ -79,24 +72,25 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
     raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
-def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
-    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes."""
+def read_file(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> bytes:
+    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes. With `own`, also
+    for a file of another program (`zteam.config.foreign_files`); those of that kind are none."""
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except (OSError, ValueError) as fault:
         # ValueError: a NUL in the name.
         raise error(f"{path}: cannot read this {what}: {getattr(fault, 'strerror', None) or fault}") from None
+    if own is not None:
+        refuse_foreign(path, data, what, error, own)
     if len(data) > most:
         raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
     return data
 
 
 def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
-
-    Raises yaml.YAMLError, ValueError and RecursionError.
-    """
+    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text. Raises
+    yaml.YAMLError, ValueError and RecursionError."""
     import yaml  # slow to import
 
     loader: Any = type("Loader", (yaml.SafeLoader,), {})
@@ -105,12 +99,12 @@ def load_yaml(text: str | bytes) -> Any:
     return yaml.load(text, loader)
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def read_yaml(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> Any:
+    """The contents of a user's YAML file, read as `read_file` does. Raises `error`."""
     import yaml
 
     try:
-        return load_yaml(read_file(path, what, most, error))
+        return load_yaml(read_file(path, what, most, error, own))
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
         raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
 

@@ -295,7 +295,7 @@ def _is_text(holder: Any, key: str) -> bool:
 
 def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    data = resources.read_file(path, what, MAX_BYTES, ConfigError)
+    data = resources.read_file(path, what, MAX_BYTES, ConfigError, own="")
     try:
         text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
