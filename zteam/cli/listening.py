@@ -54,14 +54,9 @@ def add_timeout(parser: argparse.ArgumentParser, what: str) -> None:
     add_option(parser, "--timeout", typed=(0.0, MAX_SECONDS, "host seconds"), metavar="S", help=text)
 
 
-def limit_of(args: argparse.Namespace) -> tuple[float | None, bool]:
-    """The time-out that holds, in host seconds, and whether it is that of a script that asks for one message.
-
-    None for no limit. Such a script must not wait for ever, and gets one line.
-    """
-    if args.timeout is None and args.once and not sys.stdout.isatty():
-        return ONCE_LIMIT, True
-    return args.timeout, False
+def limit_of(args: argparse.Namespace) -> float | None:
+    """The time-out in host seconds, None for no limit. A script that asks for one message must not wait for ever."""
+    return ONCE_LIMIT if args.timeout is None and args.once and not sys.stdout.isatty() else args.timeout
 
 
 class Waiter:
@@ -101,8 +96,8 @@ def wait_for_message(
 
     When no message has come for a while, say on stderr whether anything publishes on `key`, but not in a script.
     """
-    limit, quiet = limit_of(args)
-    first = SURVEY if limit is None or (limit > SURVEY and not quiet) else limit
+    limit = limit_of(args)
+    first = SURVEY if limit is None or (limit > SURVEY and args.timeout is not None) else limit
     if waiter.wait(ready, first, ""):
         return
     if first != limit:

@@ -84,7 +84,7 @@ def build_parser() -> Parser:
 
 def _echo(args: argparse.Namespace) -> None:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    limit, quiet = limit_of(args)
+    limit = limit_of(args)
 
     def show(transform: TransformStamped) -> None:
         print_json(to_json(transform)) if args.json else print_block(format_transform(transform))
@@ -109,7 +109,7 @@ def _echo(args: argparse.Namespace) -> None:
                 why = "nothing newer has come"
             except ZteamError as error:
                 why = str(error)
-            if not quiet and (limit is None or limit > SURVEY):
+            if limit is None or (limit > SURVEY and args.timeout is not None):
                 print_line(f"{why} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
             if not waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
                 raise ZteamError(f"no transform within {limit:g} s: {why}")

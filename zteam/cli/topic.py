@@ -174,7 +174,7 @@ def _echo(args: argparse.Namespace) -> None:
         bus.subscribe_raw(key, on_sample, latched=True)
         wait_for_message(bus, waiter, lambda: bool(queue), args, key)
         while not (_print_sample(queue.popleft(), given, args) and args.once):
-            limit, _ = limit_of(args)
+            limit = limit_of(args)
             if not waiter.wait(lambda: bool(queue), limit, f"a message on {key}"):
                 raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
 

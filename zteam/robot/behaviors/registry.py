@@ -1,12 +1,10 @@
 """Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
-import ast
 import importlib
 import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -122,7 +120,11 @@ def find_behavior(spec: str) -> type[Behavior]:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
     if module.endswith(".py"):
-        raise UsageError(f"no behaviour {spec!r} (did you mean {_meant_by(Path(module), name)}?)")
+        file, folder = Path(module), Path(module).parent
+        is_package = (folder / "__init__.py").is_file() and not folder.is_absolute()
+        meant = ".".join([*(folder.parts if is_package else ()), file.stem])
+        path = "" if is_package or folder == Path() else f", with the folder on the path (--path {folder})"
+        raise UsageError(f"no behaviour {spec!r} (did you mean {meant}:{name or 'CLASS'}{path}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
@@ -131,18 +133,6 @@ def find_behavior(spec: str) -> type[Behavior]:
     known = behavior_names()
     meant = did_you_mean(spec, known)
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
-
-
-def _meant_by(file: Path, name: str) -> str:
-    """How the class `name` in a file is written, without a name each class that the file may have."""
-    with suppress(OSError, ValueError, SyntaxError):
-        statements = ast.parse(file.read_bytes()).body
-        classes = [each.name for each in statements if isinstance(each, ast.ClassDef)]
-        name = name or f" or {file.stem}:".join(classes)
-    found, folder = f"{file.stem}:{name or 'CLASS'}", file.parent
-    if (folder / "__init__.py").is_file() and not folder.is_absolute():
-        return f"{'.'.join(folder.parts)}.{found}"
-    return found if folder == Path() else f"{found}, with the folder on the path (--path {folder})"
 
 
 def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
