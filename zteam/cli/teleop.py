@@ -17,7 +17,7 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, still_text
-from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
+from zteam.clock import AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
@@ -129,15 +129,12 @@ def _typed(script: Sequence[str], clock: AutoClock, stop: Stop) -> Iterator[tupl
     rate, nag = Rate(to_ns(PERIOD), clock.steady()), Every(math.inf)
     for key in script:
         yield [key], to_seconds(clock.steady())
-        since = monotonic()
         while left := rate.left(now := clock.steady()):
             if stopped.is_set():
                 return
             if not clock.simulated:
                 stopped.wait(to_seconds(left))
-            elif clock.wait_for_change(now, PERIOD):
-                since = monotonic()
-            elif monotonic() - since > STILL and nag.due():
+            elif not clock.wait_for_change(now, PERIOD) and clock.stands and nag.due():
                 print_line(f"teleop: {still_text(clock)}", file=sys.stderr)
         rate.take(clock.steady())
 
