@@ -107,8 +107,8 @@ def read_anew() -> None:
     now. A notebook is one process for many runs."""
     global _looked
     before, _looked = _looked, wall_ns()
-    files = {name: str(getattr(sys.modules.get(name), "__file__", None)) for name in _loaded - {"__main__"}}
-    own = {name: Path(file) for name, file in files.items() if is_own(file)}
+    files = {name: getattr(sys.modules.get(name), "__file__", None) for name in _loaded - {"__main__"}}
+    own = {name: Path(file) for name, file in files.items() if file and is_own(file)}
     if any(file.is_file() and file.stat().st_mtime_ns > before for file in own.values()):
         for name in own:
             sys.modules.pop(name, None)
@@ -147,11 +147,8 @@ def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] 
     found = getattr(imported, name, None)
     if found is None:
         place = getattr(imported, "__file__", None) or "built in"
-        own = [
-            key
-            for key, value in vars(imported).items()
-            if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
-        ]
+        known = [key for key, value in vars(imported).items() if offers(value)]
+        own = [key for key in known if str(getattr(vars(imported)[key], "__module__", "")).startswith(module)]
         way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
         if module == "__main__":
             way_out = "; what a notebook or a script defines is in its own process alone: write it into a file"
