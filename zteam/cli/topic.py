@@ -71,9 +71,8 @@ def publish(args: argparse.Namespace) -> None:
             raise UsageError(f"{key} carries {heard.partition(';')[2]}, not {kind.ros_type}")
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
-        how = (
-            "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
-        )
+        rate = f"at {args.rate:g} Hz"
+        how = "once" if times == 1 else rate if times is None else f"{times} times {rate}"
         print_line(f"publishing {kind.ros_type} on {key} {how} to {_list_subscribers(bus, key, publisher, graph)}")
         if not publisher.has_subscribers:
             hint = "" if graph.publishers(key) else near_keys(key, graph.known_keys())
