@@ -259,8 +259,6 @@ class TeamFixture:
         itself may do everything, and tools what the team file grants `operator`.
         """
         if secure is not None:
-            if in_process:
-                raise UsageError("team.launch: secure gives certificates to processes: leave it or in_process out")
             self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
@@ -319,8 +317,8 @@ class TeamFixture:
         if self._run.plan.jobs:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        if chaos and in_process:
-            raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
+        if in_process and (chaos or self._processes.certificates is not None):
+            raise UsageError("chaos and secure are for processes: leave in_process out, or them")
         self._watch.silence_limit = launch.pace.timeout
         if in_process:
             self._open_in_process(nodes)
