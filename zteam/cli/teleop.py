@@ -93,13 +93,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> in
                 live.show(line)
             shown = line
 
-        def presses() -> Iterator[tuple[list[str], float]]:
-            for keys, now in _presses(terminal, stop):
-                if HELP in keys:
-                    live.print(Clean(HELP_TEXT))
-                yield keys, now
-
-        drive(pilot, wheels, presses(), show)
+        drive(pilot, wheels, _presses(terminal, stop, live), show)
     return 0
 
 
@@ -199,8 +193,8 @@ def _write(text: str) -> None:
     sys.stdout.flush()
 
 
-def _presses(terminal: int, stopping: Callable[[], bool]) -> Iterator[tuple[list[str], float]]:
-    """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
+def _presses(terminal: int, stopping: Callable[[], bool], live: LiveLine) -> Iterator[tuple[list[str], float]]:
+    """Keys and the host's time, when a key comes and every _KEYS_PERIOD, until the stop or the terminal's end."""
     decoder, due = KeyDecoder(), monotonic()
     while not stopping():
         # Host time: neither a key nor the next command may wait for the other.
@@ -212,7 +206,10 @@ def _presses(terminal: int, stopping: Callable[[], bool]) -> Iterator[tuple[list
                 return
             if not data:
                 return
-            yield decoder.feed(data), monotonic()
+            keys = decoder.feed(data)
+            if HELP in keys:
+                live.print(Clean(HELP_TEXT))
+            yield keys, monotonic()
         else:
             yield decoder.flush(), monotonic()
             due = monotonic() + _KEYS_PERIOD
