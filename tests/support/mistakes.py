@@ -320,8 +320,8 @@ ALONE = (
     *(
         Mistake(f"zteam check {name}{spec}", (f"did you mean {meant}",), file=(name, f"{_BEHAVIOR}pass\n"))
         for name, spec, meant in (
-            ("mine.py", "", "mine:Mine?"),
-            ("sub/mine.py", "", "mine:Mine, with the folder on the path (--path sub)?"),
+            ("mine.py", "", "mine:CLASS?"),
+            ("sub/mine.py", "", "mine:CLASS, with the folder on the path (--path sub)?"),
             ("sub/mine.py", ":Mine", "mine:Mine, with the folder on the path (--path sub)?"),
         )
     ),

@@ -115,9 +115,9 @@ class UserStep:
         """Call the user's step from GO on; in the first tick, which comes again with GO, once."""
         if not self._node.pass_gate(self._node.lacking, due.epoch):
             return None
-        if due.tick is not None and due.now == self._held[0]:
-            return self._held[1]
         if due.tick is not None:
+            if due.now == self._held[0]:
+                return self._held[1]
             if due.tick.tick == 1:
                 # Simulated time begins, perhaps again.
                 self._rate = None

@@ -14,7 +14,7 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, open_quote, parse_value, toml_text
+from zteam.config.toml_values import KeyPath, TomlError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -39,8 +39,6 @@ _HINTS = {
     "Expected '=' after a key in a key/value pair": "; write key = value",
 }
 """The way out, by what tomllib finds wrong."""
-_OPEN_QUOTE = (r"Illegal character '\n'", 'Expected "\'"', "Unterminated string", "Unclosed array")
-"""How begins what it finds wrong where a quote is missing."""
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -299,14 +297,12 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
     try:
         text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
-    except TooDeepError as error:
+    except TomlError as error:
         raise ConfigError(f"{path}:{error.line}: {error}") from None
     except ValueError as error:
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        if told.startswith(_OPEN_QUOTE) and (line := open_quote(data.decode("utf-8-sig"))):
-            told, line_and_column = "the text that begins here has no closing quote", [str(line)]
         hint = _HINTS.get(told, "")
         if path.suffix.lower() != ".toml":
             hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
