@@ -79,7 +79,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        if not self.has_process and (needless := next(iter(self.params), self.navigation and "navigation")):
+        needless = next(iter(self.params), "" if self.navigation is False else "navigation")
+        if needless and not self.has_process:
             raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
