@@ -93,16 +93,26 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> byte
 
 
 def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
+    """The value of a YAML document as ROS reads it: `5e-2` is a number, which to PyYAML is a text, and there are no
+    aliases, by which a short text stands for one without an end.
 
     Raises yaml.YAMLError, ValueError and RecursionError.
     """
     import yaml  # slow to import
 
-    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    class Loader(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+                raise yaml.MarkedYAMLError(problem="write out what the alias stands for", problem_mark=mark)
+            return super().compose_node(parent, index)
+
     number = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
-    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
-    return yaml.load(text, loader)
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    try:
+        return yaml.load(text, Loader)
+    except (LookupError, AttributeError, TypeError):
+        raise ValueError("a value does not fit the tag before it, as in '!!bool 3'") from None
 
 
 def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:

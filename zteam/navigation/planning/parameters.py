@@ -39,6 +39,8 @@ Localizer = Literal["amcl", "fake", "none"]
 Tables = dict[str, dict[str, Any]]
 """Parameters by the name of Nav2's node; the names of nested tables are joined with dots, as in `FollowPath.plugin`."""
 
+_Node = tuple[str, Mapping[str, Any]]
+"""The name of a node of a parameter file, or a pattern of names, and its parameters."""
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
@@ -108,30 +110,22 @@ _SPEEDS = {
     "acc_lim_theta": ("acc_lim_theta", "az_max"),
 }
 """By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
-_NAMES = [(name, Positive | None, None) for row in _SPEEDS.values() for name in row]
+_UNLIMITED = 1000.0
+"""The largest limit that can be given."""
+_NAMES = [(name, Positive, _UNLIMITED) for row in _SPEEDS.values() for name in row]
 SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
 
 
 _Vector = tuple[Positive, _Signed, Positive]
+_Backwards = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=0.0)]
 
 
 class SmootherOptions(CheckedOptions, frozen=True):
     """Limits of Nav2's velocity_smoother: along x and y, and about z."""
 
-    max_velocity: _Vector | None = None
-    min_velocity: tuple[Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)], _Signed, _Signed] | None = None
-    max_accel: _Vector | None = None
-
-
-def _limits_of(speed: msgspec.Struct, smoother: SmootherOptions) -> Base:
-    """A base with the least of the limits of each kind; inf where there is none."""
-    found: dict[str, Any] = {key: [getattr(speed, name) or math.inf for name in row] for key, row in _SPEEDS.items()}
-    for limit, values in (("max_vel", smoother.max_velocity), ("acc_lim", smoother.max_accel)):
-        if values is not None:
-            found[f"{limit}_x"].append(values[0])
-            found[f"{limit}_theta"].append(values[2])
-    backwards = smoother.min_velocity[0] if smoother.min_velocity else -math.inf
-    return Base(min_vel_x=backwards, **{limit: min(row) for limit, row in found.items()})
+    max_velocity: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
+    min_velocity: tuple[_Backwards, _Signed, _Signed] = (-_UNLIMITED, 0.0, 0.0)
+    max_accel: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
 
 
 class PlannerServerOptions(CheckedOptions, frozen=True):
@@ -224,8 +218,11 @@ class Parameters(NamedTuple):
 
     @property
     def limits(self) -> Base:
-        """A base whose limits all commands keep within; inf where there is none."""
-        return _limits_of(self.speed, self.smoother)
+        """A base whose limits all commands keep within."""
+        (x, _, turn), (gain, _, turn_gain) = self.smoother.max_velocity, self.smoother.max_accel
+        found = {"max_vel_x": x, "max_vel_theta": turn, "acc_lim_x": gain, "acc_lim_theta": turn_gain}
+        least = {key: min(found[key], *(getattr(self.speed, name) for name in row)) for key, row in _SPEEDS.items()}
+        return Base(min_vel_x=self.smoother.min_velocity[0], **least)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
@@ -275,10 +272,10 @@ def navigation_of_robot(
     if file is not None:
         if not isinstance(file, str):
             raise UsageError(f"{source}: params: a file is expected, not {file!r}")
-        contents = _read_parameter_file(folder / file)
-        given = _tables_of_file(contents, robot_id)
+        nodes = _read_parameter_file(folder / file)
+        given = _tables_of_file(nodes, robot_id)
         if not given:
-            there = ", ".join(dict.fromkeys(name for name, _ in _find_nodes(contents, ()))) or "none"
+            there = ", ".join(dict.fromkeys(name for name, _ in nodes)) or "none"
             notes.append(f"{file}: nothing in it applies to {names.robot_name(robot_id)}: its nodes are {there:.200}")
     own: Tables = {OWN: {}}
     for key, value in table.items():
@@ -317,7 +314,7 @@ def _read_parameters(
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
         default = Parameters._field_defaults[field]
-        if field == "pursuit" and (most := _limits_of(found["speed"], SmootherOptions()).max_vel_x) < math.inf:
+        if field == "pursuit" and (most := Parameters(speed=found["speed"]).limits.max_vel_x) < _UNLIMITED:
             # Nav2's other controllers drive as fast as they may.
             default = msgspec.structs.replace(default, desired_linear_vel=most)
         given = _own_names(place, table, type(default))
@@ -459,25 +456,23 @@ def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
     return f"{named}."
 
 
-def _read_parameter_file(path: Path) -> Mapping[str, Any]:
-    """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
+def _read_parameter_file(path: Path) -> list[_Node]:
+    """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
     table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
-    if table is None:
-        return {}
-    if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):
+    nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
+    if not nodes and table is not None:
         raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")
-    return table
+    return nodes
 
 
-def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
-    """What a parameter file says to the nodes of robot `robot_id`.
+def _tables_of_file(nodes: list[_Node], robot_id: int) -> Tables:
+    """What the nodes of a parameter file say to those of robot `robot_id`.
 
     A node's name may have namespaces before it (`robot_1/amcl`, or nested), and wildcards: `*` for one part, `**` for
     any. What names a node by itself counts before what names it by a wildcard, and a longer name before a shorter one.
     """
     tables: Tables = {}
-    found = sorted(_find_nodes(contents, ()), key=lambda item: ("*" not in item[0], len(item[0].replace("*", ""))))
-    for pattern, parameters in found:
+    for pattern, parameters in sorted(nodes, key=lambda node: ("*" not in node[0], len(node[0].replace("*", "")))):
         # Its name until Galactic, and in files since then.
         pattern = pattern.replace("recoveries_server", "behavior_server")
         words = re.escape(pattern).replace(r"\*\*/", "(?:.*/)?").replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
@@ -490,8 +485,7 @@ def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
     return tables
 
 
-def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """The name, or pattern, of each node with parameters, and the parameters."""
+def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[_Node]:
     for key, value in table.items():
         if key == _PARAMETERS and isinstance(value, Mapping) and path:
             yield "/".join(part.strip("/") for part in path), value
