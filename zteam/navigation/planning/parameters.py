@@ -16,11 +16,10 @@ import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.numbers import NotNegative, Positive
+from zteam.config.numbers import Coordinate, NotNegative, Positive
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
-from zteam.geometry import FAR
 from zteam.kernels.navigation import MAX_CELLS
 from zteam.messages.base import DEFAULT_BASE, MAX_EXTENT, Base, BaseOverride
 from zteam.navigation.planning.amcl import AmclOptions
@@ -60,7 +59,6 @@ class Plugin(NamedTuple):
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
-_Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 _Signed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
 
 
@@ -69,16 +67,16 @@ class FirstPose(CheckedOptions, frozen=True):
 
     set_initial_pose: bool = False
     """Without it, a robot begins where the transforms say that it is."""
-    x: _Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
-    y: _Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
+    x: Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
+    y: Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
     yaw: _Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
 class FakeOptions(CheckedOptions, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
-    delta_x: _Coordinate = 0.0
-    delta_y: _Coordinate = 0.0
+    delta_x: Coordinate = 0.0
+    delta_y: Coordinate = 0.0
     delta_yaw: _Signed = 0.0
     """Metres and radians that are added to each pose."""
     noise_xy: NotNegative = 0.0
