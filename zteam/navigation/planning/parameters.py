@@ -224,26 +224,23 @@ class Parameters(NamedTuple):
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
-        name, given = self.controller_plugin
-        if name != PURSUIT:
-            return make_controller(name, given)
-        options, limits = self.pursuit, self.limits
-        return RegulatedPurePursuit(
-            msgspec.structs.replace(
-                options,
-                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
-                rotate_to_heading_angular_vel=min(
-                    options.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta
-                ),
-                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
-                xy_goal_tolerance=self.goal.xy_goal_tolerance,
-            )
+        if self.controller_plugin.name != PURSUIT:
+            return make_controller(*self.controller_plugin)
+        own, limits = self.pursuit, self.limits
+        turn = min(own.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta)
+        options = msgspec.structs.replace(
+            own,
+            desired_linear_vel=min(own.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
+            rotate_to_heading_angular_vel=turn,
+            max_angular_accel=min(own.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
+            xy_goal_tolerance=self.goal.xy_goal_tolerance,
         )
+        return RegulatedPurePursuit(options)
 
     def make_planner(self) -> Planner:
         """The planner that is named. Raises UsageError."""
-        name, given = self.planner_plugin
-        return AStarPlanner(self.planner) if name == ASTAR else make_planner(name, given)
+        is_own = self.planner_plugin.name == ASTAR
+        return AStarPlanner(self.planner) if is_own else make_planner(*self.planner_plugin)
 
 
 _PLACES: dict[str, _Place] = {
