@@ -7,14 +7,15 @@ from typing import Annotated, Literal
 import msgspec
 
 from zteam.config.fault import Fault
-from zteam.config.numbers import MAX_SECONDS, NotNegative
+from zteam.config.numbers import MAX_SECONDS, NotNegative, Share
 from zteam.config.option import Seed, option
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2
 
 PHYSICS = ("dynamic", "stage", "kinematic")
 """Values of `Options.physics`."""
-_NOT_NEGATIVE = msgspec.Meta(ge=0.0, le=1000.0)
+_Angle = Annotated[float, msgspec.Meta(ge=0.0, le=2.0 * math.pi)]
+_Cell = Annotated[float, msgspec.Meta(ge=1e-4, le=1e4)]
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 
@@ -30,11 +31,9 @@ class Options(CheckedOptions, frozen=True, kw_only=True, forbid_unknown_fields=T
     below_min: Annotated[
         Literal["measured", "-inf", "zero"], option("range of a beam that hits something nearer than range_min")
     ] = "measured"
-    gaussian_noise: Annotated[
-        float, option("noise of all lasers: standard deviation, m", "M", type=float), _NOT_NEGATIVE
-    ] = 0.0
+    gaussian_noise: Annotated[NotNegative, option("noise of all lasers: standard deviation, m", "M", type=float)] = 0.0
     proportional_noise: Annotated[
-        float, option("noise of all lasers: standard deviation / range", "SHARE", type=float), _NOT_NEGATIVE
+        NotNegative, option("noise of all lasers: standard deviation / range", "SHARE", type=float)
     ] = 0.0
     odom_alphas: Annotated[
         tuple[NotNegative, NotNegative, NotNegative, NotNegative] | None,
@@ -43,18 +42,12 @@ class Options(CheckedOptions, frozen=True, kw_only=True, forbid_unknown_fields=T
     dazzle: Annotated[
         Literal["off", "drop", "max", "short", "scan"], option("interference of lasers that see each other")
     ] = "off"
-    dazzle_angle: Annotated[
-        float,
-        option("angle on either side of the other laser", "RAD", type=float),
-        msgspec.Meta(ge=0.0, le=2.0 * math.pi),
-    ] = math.radians(2.0)
-    dazzle_probability: Annotated[
-        float, option("share of dazzled scans", "P", type=float), msgspec.Meta(ge=0.0, le=1.0)
-    ] = 1.0
+    dazzle_angle: Annotated[_Angle, option("angle on either side of the other laser", "RAD", type=float)] = (
+        math.radians(2.0)
+    )
+    dazzle_probability: Annotated[Share, option("share of dazzled scans", "P", type=float)] = 1.0
     map_resolution: Annotated[
-        float,
-        option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell")),
-        msgspec.Meta(ge=1e-4, le=1e4),
+        _Cell, option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell"))
     ] = 0.05
 
 
