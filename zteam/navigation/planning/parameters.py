@@ -93,9 +93,10 @@ class ControllerOptions(CheckedOptions, frozen=True):
     controller_plugins: _Names = ()
     progress_checker_plugins: _Names = ()
     goal_checker_plugins: _Names = ()
+    controller_plugin: str = "FollowPath"
     progress_checker_plugin: str = "progress_checker"
     goal_checker_plugin: str = "general_goal_checker"
-    """Until Humble a name in the place of a list."""
+    """Where no list is given; until Humble, files had names of checkers in the place of lists."""
     controller_frequency: Positive = 20.0
     failure_tolerance: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 0.3
     """Seconds that the controller may find no command before a recovery begins; below 0: without end."""
@@ -130,6 +131,7 @@ class PlannerServerOptions(CheckedOptions, frozen=True):
     """Parameters of planner_server itself."""
 
     planner_plugins: _Names = ()
+    planner_plugin: str = "GridBased"
     expected_planner_frequency: NotNegative = 1.0
     """Plans a second while the robot drives; 0, which expects none in Nav2, is 1."""
 
@@ -180,9 +182,8 @@ class _Place(NamedTuple):
 
     node: str
     kind: str = ""
-    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant; empty: the node's own."""
-    usual: str = ""
-    """The plug-in's name where none is listed."""
+    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant, or else that of
+    `<kind>_plugin`; empty: the node's own."""
     anywhere: bool = False
     """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
 
@@ -196,16 +197,14 @@ class Parameters(NamedTuple):
     fake: Annotated[FakeOptions, _Place("fake_localization")] = FakeOptions()
     controller: Annotated[ControllerOptions, _Place("controller_server")] = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
-    speed: Annotated[msgspec.Struct, _Place("controller_server", "controller", "FollowPath")] = SpeedOptions()
-    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller", "FollowPath")] = PursuitOptions()
+    speed: Annotated[msgspec.Struct, _Place("controller_server", "controller")] = SpeedOptions()
+    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller")] = PursuitOptions()
     smoother: Annotated[SmootherOptions, _Place("velocity_smoother")] = SmootherOptions()
-    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker", "general_goal_checker")] = GoalOptions()
-    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker", "progress_checker")] = (
-        ProgressOptions()
-    )
+    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker")] = GoalOptions()
+    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker")] = ProgressOptions()
     planner_server: Annotated[PlannerServerOptions, _Place("planner_server")] = PlannerServerOptions()
     planner_plugin: Plugin = Plugin(ASTAR)
-    planner: Annotated[AStarOptions, _Place("planner_server", "planner", "GridBased")] = AStarOptions()
+    planner: Annotated[AStarOptions, _Place("planner_server", "planner")] = AStarOptions()
     recovery: Annotated[RecoveryOptions, _Place("behavior_server")] = RecoveryOptions()
     global_window: Annotated[WindowOptions, _Place("global_costmap")] = WindowOptions(update_frequency=1.0)
     global_layers: Annotated[CostmapOptions, _Place("global_costmap", anywhere=True)] = CostmapOptions()
@@ -293,13 +292,17 @@ def _read_parameters(
     tables: Tables, place_of: Callable[[str, str], str], notes: list[str]
 ) -> tuple[Parameters, list[str]]:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with the place of each key, for wrong values."""
-    found: dict[str, Any] = {}
+    found, servers = dict[str, Any](), dict[str, msgspec.Struct]()
     taken, problems = {(OWN, "localizer")}, list[str]()
     for field, place in _PLACES.items():
-        table = tables.get(place.node, {})
+        table, prefix = tables.get(place.node, {}), ""
+        if place.kind:
+            server = servers[place.node]
+            listed = getattr(server, f"{place.kind}_plugins")
+            prefix = f"{listed[0] if listed else getattr(server, f'{place.kind}_plugin')}."
         if place.kind in _OWN:
             try:
-                plugin, known, note = _read_plugin(place, table, place_of)
+                plugin, known, note = _read_plugin(place, table, prefix, place_of)
             except UsageError as error:
                 problems.append(str(error))
                 continue
@@ -312,9 +315,10 @@ def _read_parameters(
         if field == "pursuit" and (most := Parameters(speed=found["speed"]).limits.max_vel_x) < _UNLIMITED:
             # Nav2's other controllers drive as fast as they may.
             default = msgspec.structs.replace(default, desired_linear_vel=most)
-        given = _own_names(place, table, type(default))
+        given = _own_names(place, table, prefix, type(default))
         taken |= {(place.node, name) for name in given.values()}
         found[field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
+        servers.setdefault(place.node, found[field])
         for path, text in wrong:
             name = given.get(str(path[0]), str(path[0])) if path else ""
             problems.append(f"{place_of(place.node, name)}: {text}")
@@ -413,9 +417,8 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
     raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
 
 
-def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
-    """Fields of the options that the table sets, and the names it has for them."""
-    prefix = _prefix(place, table)
+def _own_names(place: _Place, table: Mapping[str, Any], prefix: str, kind: type[msgspec.Struct]) -> dict[str, str]:
+    """Fields of the options that the table sets, and the names it has for them, which begin with `prefix`."""
     found = {}
     # A rotation shim has the parameters of its controller below its own since Kilted; its own count before them.
     for name in sorted(table, key=lambda name: _SHIMMED not in name):
@@ -426,11 +429,11 @@ def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struc
 
 
 def _read_plugin(
-    place: _Place, table: Mapping[str, Any], place_of: Callable[[str, str], str]
+    place: _Place, table: Mapping[str, Any], prefix: str, place_of: Callable[[str, str], str]
 ) -> tuple[Plugin, Iterable[str], list[str]]:
     """The plug-in that is named; the names that this explains: all of a plug-in that is not zteam's own; and a note if
     zteam's own replaces it. Raises UsageError."""
-    prefix, kind = _prefix(place, table), place.kind
+    kind = place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     key = f"{prefix}plugin"
     where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
@@ -440,15 +443,6 @@ def _read_plugin(
     if given == name:
         return Plugin(name), [key], []
     return Plugin(name), own, [f"{where}: {given} is replaced by zteam's own {name}"]
-
-
-def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
-    """What the names of the parameters begin with there."""
-    if not place.kind:
-        return ""
-    listed = table.get(f"{place.kind}_plugins")
-    named = listed[0] if isinstance(listed, list) and listed else table.get(f"{place.kind}_plugin", place.usual)
-    return f"{named}."
 
 
 def _read_parameter_file(path: Path) -> list[_Node]:
