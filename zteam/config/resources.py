@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -115,14 +116,20 @@ def load_yaml(text: str | bytes) -> Any:
         raise ValueError("a value does not fit the tag before it, as in '!!bool 3'") from None
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def read_yaml(
+    path: Path, what: str, most: int, error: type[UsageError], load: Callable[[bytes], Any] = load_yaml
+) -> Any:
+    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`, with the line if it is known."""
     import yaml
 
+    data = read_file(path, what, most, error)
     try:
-        return load_yaml(read_file(path, what, most, error))
+        return load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
-        raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
+        mark, told = getattr(fault, "problem_mark", None), [getattr(fault, key, "") for key in ("context", "problem")]
+        text = " ".join(filter(None, told)) or str(fault)
+        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
+        raise error(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
 
 
 # Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.
