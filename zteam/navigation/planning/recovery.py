@@ -111,16 +111,14 @@ class Recovery:
         elif self.current == "spin" and self._turned < options.spin_dist:
             rate = min(options.rotational_vel, options.max_rotational_vel)
             velocity = self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmaps)
-        if now - self._began > options.time_allowance:
-            velocity = None
         if velocity is None:
             self.current = None
         return velocity
 
     def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
-        """The first of these motions that nothing is in the way of, once tried not again."""
-        for velocity in ways[self._way :]:
-            ahead = self.options.simulate_ahead_time
+        """The first of these motions that nothing is in the way of, once tried not again; none when its time is up."""
+        ahead = self.options.simulate_ahead_time
+        for velocity in ways[self._way :] if now - self._began <= self.options.time_allowance else ():
             is_blocked = any(time_to_collision(costmap, pose, velocity, ahead) < math.inf for costmap in costmaps)
             if not is_blocked and now - self._moved_at <= self.options.stopped_allowance:
                 return velocity
