@@ -152,7 +152,7 @@ def add_options(
         if not metas or ((names or texts) and name not in (*names, *texts)):
             continue
         default = field.default if options is kind else getattr(options, name)
-        keywords = {"dest": name, "default": default, "help": texts.get(name, metas[0].description), **metas[0].extra}
+        keywords = {"dest": name, "default": default, "help": texts.get(name, metas[-1].description), **metas[-1].extra}
         flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
         if isinstance(default, bool):
             keywords["action"] = f"store_{not default}".lower()

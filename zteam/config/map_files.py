@@ -31,7 +31,6 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a map's cells (nav_msgs/OccupancyGrid)."""
 Grid = NDArray[np.bool_]
 Mode = Literal["trinary", "scale", "raw"]
-Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 
 
 def read_channels(path: Path) -> NDArray[Any]:

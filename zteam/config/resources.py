@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -89,24 +90,43 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError], own: st
 
 
 def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text. Raises
-    yaml.YAMLError, ValueError and RecursionError."""
+    """The value of a YAML document as ROS reads it: `5e-2` is a number, which to PyYAML is a text, and there are no
+    aliases, by which a short text stands for one without an end.
+
+    Raises yaml.YAMLError, ValueError and RecursionError.
+    """
     import yaml  # slow to import
 
-    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    class Loader(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+                raise yaml.MarkedYAMLError(problem="write out what the alias stands for", problem_mark=mark)
+            return super().compose_node(parent, index)
+
     number = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
-    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
-    return yaml.load(text, loader)
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    try:
+        return yaml.load(text, Loader)
+    except (LookupError, AttributeError, TypeError):
+        raise ValueError("a value does not fit the tag before it, as in '!!bool 3'") from None
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> Any:
-    """The contents of a user's YAML file, read as `read_file` does. Raises `error`."""
+def read_yaml(
+    path: Path, what: str, most: int, error: type[UsageError], own: str | None = None,
+    load: Callable[[bytes], Any] = load_yaml,
+) -> Any:  # fmt: skip
+    """The contents of a user's YAML file, read as `read_file` does. Raises `error`, with the line if it is known."""
     import yaml
 
+    data = read_file(path, what, most, error, own)
     try:
-        return load_yaml(read_file(path, what, most, error, own))
+        return load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
-        raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
+        mark, told = getattr(fault, "problem_mark", None), [getattr(fault, key, "") for key in ("context", "problem")]
+        text = " ".join(filter(None, told)) or str(fault)
+        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
+        raise error(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
 
 
 # Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.

@@ -145,8 +145,8 @@ def _program_fault(folder: Path, program: str) -> str:
 
 def _format_fault(path: Path, by_python: str) -> str:
     """Why the system does not take a file with the right to be executed as a program."""
-    line = b""
-    # It may be executed, and not read.
+    # One that may be executed and not read is none of these.
+    line = b"\0"
     with suppress(OSError), path.open("rb") as file:
         line = file.readline(1024)
     if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
@@ -157,7 +157,7 @@ def _format_fault(path: Path, by_python: str) -> str:
             return f"{path} has {mark}, so its first line names no program: save it as text of Unix, UTF-8 without mark"
         is_there = existing_file(path.parent / (os.fsdecode(line[2:]).split() or [""])[0])
         return "" if is_there else f"the first line of {path} names a program that is not there"
-    if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
+    if all(byte >= 32 or byte in b"\t\r\n" for byte in line):
         return f"{path} is no program: begin a script with a line such as '#!/usr/bin/env python3', or say {by_python}"
     return ""
 
@@ -213,7 +213,7 @@ def _sensor_problems(
         robot = robots.get(entry.id)
         if robot is None:
             continue
-        if robot.drive == "car" and navigation_of(entry):
+        if robot.drive == "car" and navigation_of(entry) is not None:
             text = f"robot {entry.id} is a car, and navigation turns on the spot: give it a model with drive 'diff' or"
             yield Problem(("robots", i, "navigation"), f"{text} 'omni', or let it wander or follow without navigation")
         # No robot drives without a laser. The rest may come from a process of the user's own.
