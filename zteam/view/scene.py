@@ -164,9 +164,6 @@ PATIENCE = 0.5
 
 Found = tuple[Arrival, LaserScan]
 
-NO_SCAN = LaserScan(), Pose2(0.0, 0.0, 0.0)
-"""In the place of a scan and its sensor's pose that do not hold any more: without beams nothing is drawn."""
-
 
 class Scene:
     """The thread that makes frames makes all calls."""
@@ -201,17 +198,16 @@ class Scene:
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[int, int, bytes]]:
-        """Index, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
-        and whose place is not known any more an empty one."""
+        """Index, number and block of each laser's newest scan whose place at that time is known."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
-            placed, known = self._place(key, robot_id, index, found), self._blocks.get((key, beams))
-            if placed is not None or known is not None:
-                number, scan, sensor = placed or (0, *NO_SCAN)
+            if placed := self._place(key, robot_id, index, found):
+                number, scan, sensor = placed
+                known = self._blocks.get((key, beams))
                 if known is None or known[0] != number:
-                    block = frames.encode_scan(robot_id, index, scan, sensor, beams)
-                    known = self._blocks[key, beams] = number, block
-                yield index, known[0], known[1]
+                    known = number, frames.encode_scan(robot_id, index, scan, sensor, beams)
+                    self._blocks[key, beams] = known
+                yield index, *known
             index += 1
 
     def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:

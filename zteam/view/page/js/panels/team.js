@@ -192,7 +192,7 @@ function actionsOf(app) {
   const inspect = el("button", { type: "button", onclick: () => app.inspect(first()) }, "Inspect");
   const none = el("button", { type: "button", onclick: () => app.select([]) }, "Deselect");
   const remove = confirmButton("Remove", "Click again to remove", async () => {
-    for (const robot of store.selection) await app.ask({ op: "remove", robot }, `robot_${robot} stays`);
+    for (const robot of store.selection) await app.ask({ op: "remove", robot }, `Remove robot_${robot}`);
   });
   remove.classList.add("danger");
   const row = el("div", { class: "row over" }, text, inspect, follow, none, remove);

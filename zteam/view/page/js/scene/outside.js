@@ -28,9 +28,10 @@ function findPlaces({ store: { poses, selection }, camera }) {
       share = Math.min(across, down),
       [px, py] = [cx + share * dx, cy + share * dy];
     const choices = SHIFTS.map((k) => (across < down ? { px, py: py + 2 * k * INSET_Y } : { px: px + 2 * k * INSET_X, py }));
-    const free = choices.find((place) => isOnEdge(place, camera) && !places.some((other) => areClose(place, other)));
-    if (free) places.push({ ids: [poses.ids[i]], ...free, angle: Math.atan2(dy, dx) });
-    else (places.find((other) => areClose({ px, py }, other)) ?? places[0]).ids.push(poses.ids[i]);
+    const free = choices.find((place) => isOnEdge(place, camera) && !places.some((other) => areClose(place, other))),
+      joined = free ? null : (places.find((other) => areClose({ px, py }, other)) ?? places[0]);
+    if (joined) joined.ids.push(poses.ids[i]);
+    else places.push({ ids: [poses.ids[i]], px, py, ...free, angle: Math.atan2(dy, dx) });
   }
   return places;
 }
