@@ -3,7 +3,7 @@
 import math
 import shlex
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from operator import itemgetter
 from typing import Any
@@ -109,17 +109,14 @@ def _find_lost(
     return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
-    """The start gate, and with `id` and `reason` the robots that GO waits for."""
-    if status is None or status.state == TeamState.GO:
-        state, text = ("waiting", "no monitor") if status is None else ("go", "GO given")
-        return {"state": state, "text": text, "waiting_for": []}
-    missing = status.missing.tolist()
-    started = {i for i in missing if i in robots and robots[i]["state"] != "undriven"}
-    waiting = [{"id": i, "reason": robots[i]["reason"] if i in started else "no process yet"} for i in missing]
-    waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
-    text = f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"
-    return {"state": "waiting", "text": text, "waiting_for": waiting}
+def gate_row(status: TeamStatus | None) -> dict[str, str]:
+    """The start gate, and what it waits for."""
+    if status is None:
+        return {"state": "waiting", "text": "no monitor"}
+    if status.state == TeamState.GO:
+        return {"state": "go", "text": "GO given"}
+    waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, status.missing.tolist()))
+    return {"state": "waiting", "text": f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"}
 
 
 def sim_row(status: SimStatus | None, models: Collection[str], last_world: str = "") -> dict[str, Any]:
@@ -135,7 +132,6 @@ def sim_row(status: SimStatus | None, models: Collection[str], last_world: str =
         "lockstep": status.lockstep,
         "waits_for": short(status.waiting_for, 10_000),
         "models": sorted(models),
-        "tick": status.tick,
     }
 
 
@@ -258,7 +254,7 @@ class Scene:
             document = msgspec.json.encode(team)
             for row in team["robots"]:
                 row["age"] = row["speed"] = None
-            team["sim"] |= {"rtf": 0.0, "tick": 0, "waits_for": ""}
+            team["sim"] |= {"rtf": 0.0, "waits_for": ""}
             self._team = now, document, zlib.crc32(msgspec.json.encode(team))
         return self._team[1:]
 
@@ -297,7 +293,7 @@ class Scene:
             "robots": list(rows.values()),
             # Polygons in metres, in `base_footprint`.
             "outlines": [msgspec.Raw(outline) for outline in outlines],
-            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
+            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None),
             "sim": sim_row(sim, shapes.models if shapes else (), queries.last_world),
             # The grants that this process lacks where access is controlled.
             "refused": queries.refused,

@@ -121,7 +121,7 @@ function factsOf({ team, frame }) {
     ["Speed", sim.speed ? speedText(sim.speed) : "as fast as possible"],
     ["Real-time factor", factorText(sim)],
     ["Lock-step", sim.lockstep ? `on${waits}` : "off: real time"],
-    ["Start gate", team.gate.state === "go" ? "GO" : team.gate.text || "waiting"],
+    ["Start gate", team.gate.text],
     namespace,
   ];
 }

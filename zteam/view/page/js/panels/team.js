@@ -3,7 +3,6 @@
 import { robotColor } from "../robot_colors.js";
 import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
 import { formatAge, formatNumber } from "./format.js";
-import { gateText } from "./notices.js";
 import { whyNoCommand } from "../rights.js";
 
 /** @typedef {import("../store.js").Robot} Robot */
@@ -65,7 +64,7 @@ function summaryOf({ team }) {
   const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
   const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
   // GO stands below the map too.
-  const gate = team.gate.state === "go" ? "" : gateText(team);
+  const gate = team.gate.state === "go" ? "" : team.gate.text;
   return `${robots}${states ? `: ${states}` : ""}${gate ? ` · ${gate}` : ""}`;
 }
 

@@ -1,5 +1,7 @@
 /** Arrows at the edge of the map to the robots outside of it: a click brings them into view. */
 
+import { el, setText } from "../panels/dom.js";
+
 /** Pixels from the edge to the middle of an arrow's button. */
 const INSET_X = 48,
   INSET_Y = 16;
@@ -66,14 +68,8 @@ export function makeOutside(app, element) {
 
   /** @param {number} i */
   function makeButton(i) {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.className = "outside";
-    button.dataset.ownPointer = "";
-    button.append(document.createElement("i"), document.createElement("span"));
-    button.addEventListener("click", () => bring(robots[i]));
-    element.append(button);
-    return button;
+    const attributes = { type: "button", class: "outside", "data-own-pointer": true, onclick: () => bring(robots[i]) };
+    return element.appendChild(el("button", attributes, el("i"), el("span")));
   }
 
   return {
@@ -90,8 +86,7 @@ export function makeOutside(app, element) {
         button.style.translate = `calc(${px.toFixed(1)}px - 50%) calc(${py.toFixed(1)}px - 50%)`;
         button.style.setProperty("--robot", theme.robotCss(ids[0]));
         arrow.style.rotate = `${angle.toFixed(3)}rad`;
-        if (text.textContent === shown) return;
-        text.textContent = shown;
+        setText(text, shown);
         button.title = `${shown} is outside of the view: show it`;
       });
       for (let i = places.length; i < buttons.length; i++) buttons[i].hidden = true;
