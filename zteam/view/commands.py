@@ -215,7 +215,8 @@ class Commands:
             else:
                 unheard.append(names.robot_name(robot_id))
         if unheard:
-            raise ZteamError(f"nothing takes goals for {', '.join(unheard)}: use navigation, or go_to")
+            text = f"nothing takes goals for {', '.join(unheard)}: use navigation, or a behaviour such as go_to"
+            raise ZteamError(text)
 
     def _cancel_goals(self, request: requests.CancelGoals) -> None:
         # A list may have sent a goal that the page has not seen.

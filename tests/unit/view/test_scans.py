@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from support.transforms import S, stamped
-from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
     LaserScan,
