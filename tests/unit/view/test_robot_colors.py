@@ -20,7 +20,8 @@ VISIONS = {
         [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
     ),
 }
-XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]])
+XYZ = np.array([[0.41246, 0.35758, 0.18044], [0.21267, 0.71515, 0.07217], [0.01933, 0.11919, 0.95030]])
+"""Of linear RGB (IEC 61966-2-1)."""
 
 
 def linear_of(text: str) -> Array:
@@ -79,7 +80,8 @@ def test_the_difference_is_that_of_the_paper() -> None:
         ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
         ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
     ]
-    assert [difference(np.array(a), np.array(b)) for a, b, _ in pairs] == pytest.approx([d for *_, d in pairs], abs=1e-4)
+    found = [difference(np.array(a), np.array(b)) for a, b, _ in pairs]
+    assert found == pytest.approx([paper for *_, paper in pairs], abs=1e-4)
 
 
 @pytest.mark.parametrize(("name", "theme"), [("ON_LIGHT", 0), ("ON_DARK", 1)])
