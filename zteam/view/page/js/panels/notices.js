@@ -2,7 +2,7 @@
  *  the state; and messages. */
 
 import { WATCHING } from "../connection.js";
-import { el, iconButton, setText } from "./dom.js";
+import { el, iconButton, setText } from "../dom.js";
 import { formatClock, formatNumber } from "./format.js";
 
 const TOAST = { info: 4000, error: 9000 }; // ms

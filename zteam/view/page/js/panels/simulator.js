@@ -1,6 +1,6 @@
 /** The simulator's controls: a few in the tool bar, all of them on a page of the panels. */
 
-import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "./dom.js";
+import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "../dom.js";
 import { formatClock, formatNumber } from "./format.js";
 import { showFacts } from "./inspector.js";
 import { whyNoCommand } from "../rights.js";

@@ -1,7 +1,7 @@
 /** The table of robots: what each one is, does and is driven by, and why it stands. A click selects. */
 
 import { robotColor } from "../robot_colors.js";
-import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
+import { confirmButton, el, reconcile, setAttribute, setText } from "../dom.js";
 import { formatAge, formatNumber } from "./format.js";
 import { whyNoCommand } from "../rights.js";
 

@@ -1,6 +1,6 @@
 /** Arrows at the edge of the map to the robots outside of it: a click brings them into view. */
 
-import { el, setText } from "../panels/dom.js";
+import { el, setText } from "../dom.js";
 
 /** Pixels from the edge to the middle of an arrow's button. */
 const INSET_X = 48,

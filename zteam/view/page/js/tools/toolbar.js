@@ -1,6 +1,6 @@
 /** The buttons of the tools and of the camera. */
 
-import { el } from "../panels/dom.js";
+import { el } from "../dom.js";
 import { whyNoTool } from "../rights.js";
 import { toggleFollow } from "./keys.js";
 
