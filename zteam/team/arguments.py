@@ -56,6 +56,8 @@ def checks_arguments(place: str) -> Callable[[F], F]:
 
         @functools.wraps(checked)
         def check(*args: Any, **kwargs: Any) -> Any:
+            # In a test that fails pytest shows the lines of the test.
+            __tracebackhide__ = True
             given = signature.bind(*args, **kwargs)
             for name, value in given.arguments.items():
                 kind, wanted = _ROWS.get(f"{call}.{name}") or _ROWS.get(name) or (Any, "")
