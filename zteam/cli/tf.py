@@ -236,12 +236,8 @@ def _find_positions(frames: Iterable[str], look_up: Callable[[str, str], Transfo
             try:
                 at = look_up(names.MAP_FRAME, child)
                 x, y, _z, *turn = floats_of(at.transform)
-                place = {
-                    "x": x,
-                    "y": y,
-                    "yaw": yaw_from_quaternion(*turn),
-                    "stamp": ns_from_time(at.header.stamp) / 1e9,
-                }
+                stamp = ns_from_time(at.header.stamp) / 1e9
+                place = {"x": x, "y": y, "yaw": yaw_from_quaternion(*turn), "stamp": stamp}
             except (TransformException, BusError) as error:
                 why = str(error).strip()
             found.append({"robot": child.partition("/")[0], **place, "why": why})

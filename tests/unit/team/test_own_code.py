@@ -17,7 +17,9 @@ from zteam.team.testing.team import _SITE, search_folders
 @pytest.fixture
 def lab(empty_folder: Path) -> Path:
     """A folder of the search path with a module."""
-    (empty_folder / "single.py").write_text("def main(node):\n    pass\n\n\nTEXT = 'no function'\n")
+    (empty_folder / "single.py").write_text(
+        "def main(node):\n    pass\n\n\nTEXT = 'no function'\n\n\nasync def late(node):\n    pass\n"
+    )
     return empty_folder
 
 
@@ -34,7 +36,8 @@ def test_only_folders_of_the_project_are_handed_on(lab: Path) -> None:
         ("single", r"'single' is no function: give package.module:function, such as 'crowd:main'"),
         ("single.py:main", "cannot import single.py: ModuleNotFoundError"),
         ("single:mian", r"module single \(.*single.py\) has no mian \(did you mean main\?\)"),
-        ("single:TEXT", "'single:TEXT' is a str, and no function of the node"),
+        ("single:TEXT", "'single:TEXT' is no function 'def main"),
+        ("single:late", "without 'async' and 'yield'"),
         ("nowhere:main", "cannot import nowhere: ModuleNotFoundError"),
     ],
 )

@@ -166,8 +166,7 @@ class WindowOptions(CheckedOptions, frozen=True):
         """The outline that is given, or else that of the base. Raises ValueError."""
         try:
             # JSON has no `.21`, `1.` and `+0.2`.
-            given = "[]" if self.footprint == "" else self.footprint
-            corners = json.loads(_NUMBER.sub(lambda found: repr(float(found[0])), given))
+            corners = json.loads(_NUMBER.sub(lambda found: repr(float(found[0])), self.footprint or "[]"))
         except (TypeError, ValueError, RecursionError):
             corners = ""
         if corners == [] and self.robot_radius:

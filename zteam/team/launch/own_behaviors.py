@@ -15,7 +15,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR
 from zteam.config.problems import problems_of
-from zteam.errors import UsageError
+from zteam.errors import UsageError, check_call
 from zteam.node.launcher import Report, report
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import find_behavior, load_named, look_in
@@ -33,8 +33,7 @@ def find_body(name: str, spec: str) -> Callable[[Any], None]:
     if not (function.isidentifier() and all(part.isidentifier() for part in module.split("."))):
         raise UsageError(f"{what} is no function: give package.module:function, such as 'crowd:main'")
     body = load_named(f"node {name!r}", module, function)
-    if not callable(body):
-        raise UsageError(f"{what} is a {type(body).__name__}, and no function of the node")
+    check_call(body, 1, f"{what} is no function 'def main(node): …'")
     return body  # type: ignore[no-any-return]
 
 

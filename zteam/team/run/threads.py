@@ -21,7 +21,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions, client_config
 from zteam.bus.router import open_team_router
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, check_call
 from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
 from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
@@ -71,6 +71,7 @@ def parts_of(launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping
     for name, body in nodes.items():
         if name in parts:
             raise UsageError(f"node {name!r}: the team has a process of this name already")
+        check_call(body, 1, f"nodes[{name!r}] is {body!r:.60}: give a function 'def main(node): …'")
         parts[name] = Part(stepping(body), Node)
     return parts
 

@@ -9,7 +9,7 @@ import pytest
 from support.limits import LIMIT
 from zteam import run_team
 from zteam.config.resources import shipped_world
-from zteam.errors import ConfigError
+from zteam.errors import ConfigError, UsageError
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
 from zteam.team.testing.team import TeamFixture
@@ -309,7 +309,7 @@ def test_a_world_too_large_for_its_map_is_told_before_the_start(tmp_path: Path) 
     report = run_team(write(tmp_path, text), seconds=0.1, map_resolution=20.0)
     assert report.ticks == 2
     for metres in (0.0, 1e9):
-        with pytest.raises(ValueError, match="map_resolution"):
+        with pytest.raises(UsageError, match="map_resolution"):
             run_team(write(tmp_path, text), seconds=0.1, map_resolution=metres)
 
 
