@@ -128,7 +128,7 @@ def _maze(draw: Draw, count: int) -> Place:
         way = way[::-1]
     else:
         # Its dead end is the way's own.
-        way = [Polyline(way[::-1]).at(GAP * count)[:2], *reversed(_until(way[::-1], GAP * count))]
+        way = _until(way[::-1], GAP * count)[::-1]
     halls = [
         hall
         for cell in cells
@@ -148,14 +148,14 @@ def _beside(cell: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 def _until(points: Sequence[Point], length: float) -> list[Point]:
-    """The points of a way that lie within so many metres of its begin."""
+    """The first metres of a way, up to its end at most."""
     kept, along = [points[0]], 0.0
     for a, b in pairwise(points):
         along += math.dist(a, b)
         if along >= length:
             break
         kept.append(b)
-    return kept
+    return [*kept, Polyline(points).at(length)[:2]]
 
 
 def _rooms(draw: Draw, count: int) -> Place:
