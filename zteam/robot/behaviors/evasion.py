@@ -9,8 +9,9 @@ from collections.abc import Sequence, Set
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, curvature_to, normalize_angle, yaw_from_quaternion
+from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.robot.view import View, is_clear, is_seen, look_along
@@ -78,59 +79,6 @@ class Around:
             if in_reach and abs(across) < half_width + mate.base.radius + self._mate_margin and mate.robot_id != but:
                 return False
         return True
-
-
-TURNS_WITHIN = to_ns(1.0)
-"""Nanoseconds without turning after which it moves."""
-HAS_TURNED = 0.05
-"""Radians that count as turning."""
-AGAIN = to_ns(0.5)
-"""Nanoseconds without being asked after which what it wanted before does not count."""
-SPEED, FOR = 0.2, to_ns(1.0)
-"""m/s at which it moves, and nanoseconds for which it does."""
-HAS_MOVED, TRIED = 0.02, to_ns(0.4)
-"""Metres that it has to come in so many nanoseconds; else it moves the other way."""
-
-
-class Escape:
-    """Back first, then forward, and so on, until it turns again; the safety layer lets it move where there is room."""
-
-    def __init__(self) -> None:
-        self._yaw = 0.0
-        self._since = 0
-        """Nanoseconds: since when it has not turned by HAS_TURNED from `_yaw` though it wants to."""
-        self._way = 1.0
-        """-1 while it moves back."""
-        self._from, self._due = (0.0, 0.0), 0
-        """Where it began to move, and when it has to have come away from there (ns)."""
-        self._until = self._asked = 0
-
-    def rest(self) -> None:
-        """That it has not turned until now does not count."""
-        self._until = self._asked = 0
-
-    def free(self, view: View, command: Twist) -> Twist:
-        """The velocity instead of `command`; odometry says whether the robot turns and moves."""
-        if view.odom is None:
-            return command
-        pose, now = view.odom.pose.pose, view.now
-        at, facing = (pose.position.x, pose.position.y), pose.orientation
-        is_new, self._asked = now - self._asked > AGAIN, now
-        if now < self._until:
-            if now >= self._due and math.dist(at, self._from) < HAS_MOVED:
-                self._move(now, at)
-            return Twist(Vector3(self._way * SPEED))
-        yaw = yaw_from_quaternion(facing.x, facing.y, facing.z, facing.w)
-        wants = command.linear.x == 0.0 and command.angular.z != 0.0
-        if is_new or not wants or abs(normalize_angle(yaw - self._yaw)) > HAS_TURNED:
-            self._yaw, self._since = yaw, now
-        elif now - self._since > TURNS_WITHIN:
-            self._move(now, at)
-            self._since = self._until = now + FOR
-        return command
-
-    def _move(self, now: int, at: tuple[float, float]) -> None:
-        self._way, self._from, self._due = -self._way, at, now + TRIED
 
 
 FREE = 1.0

@@ -15,12 +15,13 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn, Escape, Stray
+from zteam.robot.behaviors.escape import Escape
+from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
 from zteam.robot.behaviors.line import STATUSES, see_robot
-from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
+from zteam.robot.behaviors.path import LeaderTrail, Polyline, SpeedLimits
 from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
@@ -224,6 +225,8 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
+AROUND = 4.0
+"""Metres from the robot within which its way is told where it is stuck."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -306,10 +309,12 @@ class Formation(Behavior):
         self._assigned = -1
         """The period in which they were assigned."""
         self._trail = LeaderTrail()
+        self._lead_in = Polyline()
+        """In map, to where the trail begins."""
         self._squeezed = self._needed = 0.0
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
         self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
-        self._boxed_in, self._escape, self._stray = BoxedIn(), Escape(), Stray()
+        self._boxed_in, self._escape = BoxedIn(), Escape()
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -322,7 +327,6 @@ class Formation(Behavior):
 
     def on_release(self) -> None:
         """See Behavior: neither it nor its leader is boxed in because it stood."""
-        self._stray.rest()
         self._escape.rest()
         self._boxed_in, self._makes_way = BoxedIn(), False
 
@@ -340,36 +344,51 @@ class Formation(Behavior):
             self.on_release()
             return Twist()
         members = self._members(view)
+        if self._trail.is_far(leader.pose):
+            # Over the places of the others to where the trail begins: a wall may be between.
+            places = [here[:2], leader.pose[:2], *(here.compose(pose)[:2] for pose in members.values())]
+            self._lead_in = Polyline(sorted(dict.fromkeys(places), key=lambda at: -math.dist(at, leader.pose[:2])))
         self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
-        command = self._drive(view, here, slot, target, limits)
-        stray = self._stray.step(view, here, limits, wants=command.linear.x != 0.0)
-        if stray is None:
-            return self._escape.free(view, command)
-        self.reason = "boxed in: leaves its way to its slot"
-        return stray
+        command, way = self._drive(view, here, slot, target, limits)
+        command = self._escape.free(view, command, way)
+        if self._escape.is_moving:
+            self.reason = "boxed in: leaves its way to its slot"
+        return command
 
-    def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits) -> Twist:
+    def _drive(
+        self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits
+    ) -> tuple[Twist, list[Point2]]:
+        """The velocity, and the way along which it leads in the base frame; none where the robot is in its slot."""
         trail, at = self._trail, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
-        command = self._make_way(view, here, limits)
-        if command is not None:
+        away = self._make_way(view, here)
+        if away is not None:
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
-            return command
+            return self._around_leader.drive_to(view, *away, limits), [away]
         self._is_parked = abs(trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
         if self._is_parked:
             self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
             turn = 0.0 if abs(at.yaw) < ALIGNED else limits.clamp_turn(TURN_GAIN * at.yaw)
-            return Twist(angular=Vector3(z=turn))
+            return Twist(angular=Vector3(z=turn)), []
         bend = trail.curvature(place)
         speed = trail.speed * (1.0 - bend * slot.lateral)
         if distance < NEAR:
-            return hold(at, speed, trail.speed * bend, limits)
+            return hold(at, speed, trail.speed * bend, limits), [at[:2]]
         goal = find_goal(view, here, at, speed, trail, place)
-        return self._around.drive_to(view, goal.x, goal.y, limits)
+        return self._around.drive_to(view, goal.x, goal.y, limits), self._way_to(here, slot, target)
 
-    def _make_way(self, view: View, here: Pose2, limits: SpeedLimits) -> Twist | None:
+    def _way_to(self, here: Pose2, slot: Slot, target: Pose2) -> list[Point2]:
+        """Along the trail to its slot, in the own base frame."""
+        lead_in, path, last = self._lead_in, self._trail.path, self._trail.place - slot.back
+        places = [lead_in.point(place) for place in np.arange(lead_in.start, lead_in.end, ALONG)]
+        places += [path.point(place) for place in np.arange(path.start, last, ALONG)]
+        return [here.locate(*place) for place in (*places, target[:2]) if math.dist(place, here[:2]) < AROUND] or [
+            here.locate(*target[:2])
+        ]
+
+    def _make_way(self, view: View, here: Pose2) -> Point2 | None:
         """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
         leader = self._trail.leader
         is_boxed = self._boxed_in.look(view.now, leader)
@@ -383,7 +402,7 @@ class Formation(Behavior):
         if not self._makes_way:
             return None
         away = (math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)) - yaw
-        return self._around_leader.drive_to(view, STEP * math.cos(away), STEP * math.sin(away), limits)
+        return STEP * math.cos(away), STEP * math.sin(away)
 
     def why_it_rests(self) -> str:
         return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"

@@ -10,7 +10,7 @@ from zteam import names
 from zteam.geometry import FAR, Pose2, normalize_angle, yaw_from_quaternion
 from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.view import NO_POSE, View, first_clear, is_clear, is_seen, look_along, own_pose
 
 REFUSED = "the goal is refused: "

@@ -11,7 +11,8 @@ from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import AGAIN, Around, Escape, Head, MakingRoom, back_up, find_stopped
+from zteam.robot.behaviors.escape import AGAIN, Escape
+from zteam.robot.behaviors.evasion import Around, Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,

@@ -7,7 +7,7 @@ from msgspec import Meta, Struct
 
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import LineMember
 from zteam.robot.view import Cone, View, is_clear, is_seen, look_ahead, look_along
