@@ -43,6 +43,8 @@ MOST_COST = 200
 """Of all moves."""
 NEARER, LEAST_NEARER = 0.5, 0.15
 """Metres that a way leads nearer to the place, if there is such a one, and that it does at least."""
+AWAY, LEAST_AWAY = 1.0, 0.6
+"""Metres that it leads away without a way, if there is room, and that it does at least."""
 FAILED_NEAR, FAILED_HEADINGS = 3, 3
 """Cells around the place of a move that did not work, and headings, for which none like it is tried."""
 ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
@@ -75,8 +77,8 @@ def _covered(footprint: tuple[Point2, ...]) -> tuple[NDArray[np.intp], ...]:
 def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
     """By heading: the places (rows from below) where the base cannot be for these points (2, n) of its frame."""
     middle = size // 2
-    # What is nearer than the margin now does not keep it from moving away.
-    points = points[:, outline_of(view.base.footprint).distances(points) > MARGIN]
+    # What is nearer than the margin now, by the cells, does not keep it from moving away.
+    points = points[:, outline_of(view.base.footprint).distances(points) > MARGIN + CELL]
     cells = np.unique(np.round(points.T / CELL).astype(int), axis=0)
     found = np.zeros((len(HEADINGS), size, size), bool)
     for grid, covered in zip(found, _covered(view.base.footprint), strict=True):
@@ -89,7 +91,8 @@ def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.b
 def find_moves(
     view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]]
 ) -> list[Move]:
-    """The moves that bring the robot to the end of `way`, or nearer to that; empty if none do.
+    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here. Empty if
+    none do.
 
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
@@ -164,6 +167,9 @@ def _border(mate: Teammate) -> NDArray[np.float64]:
 
 def _left(way: Sequence[Point2], size: int) -> NDArray[np.float64]:
     """By place (rows from below): what is left from there to the end of the way, over the best of its points."""
+    if not way:
+        away = CELL * np.hypot(*np.ogrid[-(size // 2) : size // 2 + 1, -(size // 2) : size // 2 + 1])
+        return np.where(away < LEAST_AWAY, 0.0, -NEARER / AWAY * away)
     points = np.array(way)
     steps = np.hypot(*np.diff(points, axis=0).T)
     after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
@@ -265,6 +271,18 @@ class Escape:
             self._turned, self._came = (own.yaw, now), (own[:2], now)
             self._stuck_at, self._looks_at = None, now + RESTS
         return freed or command
+
+    def leave(self, view: View) -> bool:
+        """Whether there is a way that leads away from here; `free` then takes it."""
+        own = None if view.odom is None else pose2_of(view.odom.pose.pose)
+        if own is None:
+            return False
+        self._asked = view.now
+        self._look_round(view, own)
+        self._find(view, own, ())
+        # At its end nothing is left to do.
+        self._stuck_at = (math.inf, math.inf) if self._moves else None
+        return bool(self._moves)
 
     def _look_round(self, view: View, own: Pose2) -> None:
         """Remember what the laser sees now and then: it does not look behind. Teammates move, and are known."""

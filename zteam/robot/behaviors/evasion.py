@@ -130,22 +130,32 @@ class Head:
             return Twist(), "no scan yet"
         if self._since is None:
             self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
+            self._escape.rest()
         if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
             self._anchor = own, view.now
-        elif view.now - self._anchor[1] > GIVES_UP:
+        elif view.now - self._anchor[1] > (2 if self._escape.is_moving else 1) * GIVES_UP:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
         ahead = self._room(view, scan, 0.0)
+        share, reason = keep_together(view, role)
+        if share == 0.0 and ahead < FREE:
+            # It finds no way while its line is not there.
+            self._escape.rest()
+            self._anchor = own, view.now
+            return Twist(), reason
+        if self._escape.is_moving:
+            return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
         if self._heading is None and self._wants_another(view, own, ahead):
             self._drawn_at = own
             turn = self._draw(view, scan)
-            if turn is None:
-                if ahead < FREE and view.now - self._since > FIRST:
+            if turn is None and ahead < FREE:
+                if self._escape.leave(view):
+                    return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
+                if view.now - self._since > FIRST:
                     return None, ""
-                turn = math.pi if ahead < FREE else 0.0
-            self._heading = normalize_angle(own.yaw + turn)
-        share, reason = keep_together(view, role)
+                turn = math.pi
+            self._heading = normalize_angle(own.yaw + (turn or 0.0))
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
         if abs(error) > ON_THE_SPOT or ahead < NARROW:
@@ -194,14 +204,6 @@ FACING, FACED = 1.2, 2.0
 """Metres from the head within which a robot begins to stand face to face with it, and beyond which it does no more."""
 FACED_FOR = to_ns(4.0)
 """Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
-STUCK, STUCK_FOR = 0.2, to_ns(3.0)
-"""Metres, and nanoseconds: a robot that wants to drive on and has not come so far in so long leaves its way."""
-FRUITLESS = 2
-"""Turns of the line after which that holds for each robot: neither end gets on, so those between are in the way."""
-FREED = 0.5
-"""Metres from there after which it takes its trail again."""
-STRAY, STRAY_TURN = 0.4, 1.0
-"""m/s and rad/s while it is off its trail."""
 
 
 class BoxedIn:
@@ -219,45 +221,11 @@ class BoxedIn:
         return self._has_turned and now - self._since > PATIENCE
 
 
-class Stray:
-    """Takes a robot off its way that is stuck: there it drives as a head does."""
-
-    def __init__(self) -> None:
-        self._head = Head()
-        self._anchor = (0.0, 0.0), 0, 0
-        """Where it got on last, when (ns), and how often the line had turned then."""
-
-    def rest(self) -> None:
-        """It has not been stuck until now."""
-        self._anchor = (math.inf, math.inf), 0, self._anchor[2]
-
-    def step(self, view: View, own: Pose2, limits: SpeedLimits, *, wants: bool, turns: int = 0) -> Twist | None:
-        """The velocity of a robot at `own` in map; None to go its way.
-
-        `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
-        """
-        place, since, before = self._anchor
-        is_fruitless = turns - before >= FRUITLESS
-        is_stuck = is_fruitless or view.now - since > STUCK_FOR
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
-            self._anchor, is_stuck = (own[:2], view.now, turns), False
-        elif not (wants or is_fruitless):
-            self._anchor = own[:2], view.now, before
-        if is_stuck:
-            linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
-            command, _ = self._head.step(view, own, LineRole(), linear, angular)
-            if command is not None:
-                return command
-            self._anchor = own[:2], view.now, turns
-        self._head.rest()
-        return None
-
-
 class MakingRoom:
-    """What a robot does instead of following: it strays, goes round a head that faces it, or drives back."""
+    """What a robot does instead of following: it goes round a head that faces it, or drives back."""
 
     def __init__(self) -> None:
-        self._around, self._escape, self._stray = Around(), Escape(), Stray()
+        self._around, self._escape = Around(), Escape()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
         self._boxed_in = BoxedIn()
@@ -266,27 +234,23 @@ class MakingRoom:
 
     def rest(self) -> None:
         """What stands in its way does so from now on."""
-        self._stray.rest()
         self._escape.rest()
         self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(
         self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
-        *, keeps: bool, wants: bool, driven_on: float = 0.0,
+        *, keeps: bool, driven_on: float = 0.0,
     ) -> tuple[Twist | None, str]:  # fmt: skip
         """The velocity of a robot at `own` (map) with this `role` in the line, and what it does.
 
         An empty text means: follow. A text without a velocity means: back up.
 
         `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
-        the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`. `driven_on`: metres that
-        the robot ahead has driven away since its pose, which may be late.
+        the head keeps its place, as one that is driven by hand does. `driven_on`: metres that the robot ahead has
+        driven away since its pose, which may be late.
         """
         head = role.before[-1]
         self._asking, seen = self._find_asking(view, own, role.before, stopped, driven_on) if keeps else (None, {})
-        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=role.turns)
-        if command is not None:
-            return command, "is stuck: leaves its way"
         if not keeps:
             return None, ""
         command = self._go_round(view, seen.get(head), back, limits)

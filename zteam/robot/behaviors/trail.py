@@ -118,6 +118,8 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
+LEAD, LEADS = 0.4, 6
+"""Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
 """m/s from which on it wants to get on also where it is less behind."""
 PARKED, LEFT = 0.03, 0.1
@@ -202,6 +204,10 @@ class Trail:
         self._making_room.rest()
         self._escape.rest()
 
+    def forget(self) -> None:
+        """The robot leads: when it follows again, it may be far from the trail that it has left."""
+        self._leads = None
+
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
         moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING
@@ -240,13 +246,12 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        wants = share > 0.0 and (is_late or speed > WANTED)
         command, does = self._making_room.step(
-            view, own, role, gap * len(before), limits, stopped, keeps=alone, wants=wants,
-            driven_on=self.ahead.driven_on,
+            view, own, role, gap * len(before), limits, stopped, keeps=alone, driven_on=self.ahead.driven_on,
         )  # fmt: skip
         if does:
-            return command or back_up(own, trail.path, self._place), does
+            behind = [own.locate(*trail.path.point(self._place - LEAD))]
+            return command or self._escape.free(view, back_up(own, trail.path, self._place), behind), does
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves:
@@ -254,7 +259,15 @@ class Trail:
             if there < self._place + PAST and off < BESIDE:
                 return Twist(), waits_for(before[0], "comes past")
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
-        return self._escape.free(view, command), ""
+        is_slow = view.odom is None or view.odom.twist.twist.linear.x < WANTED
+        way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else []
+        command = self._escape.free(view, command, way)
+        return command, "is stuck: leaves its way" if self._escape.is_moving else ""
+
+    def _way_ahead(self, own: Pose2) -> list[Point2]:
+        """Points of the trail ahead, in the own base frame."""
+        count = max(1, min(LEADS, int((self._trail.path.end - self._place) / LEAD)))
+        return [own.locate(*self._trail.path.point(self._place + LEAD * (i + 1))) for i in range(count)]
 
     def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
         """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
@@ -418,6 +431,7 @@ class LineMember(Behavior):
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
+        self._trail.forget()
         command, self.reason = self._head.step(view, own, role, speed, turn_rate)
         if command is not None:
             return command

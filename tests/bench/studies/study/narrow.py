@@ -124,11 +124,8 @@ def _maze(draw: Draw, count: int) -> Place:
     while path[-1] != begin:
         path.append(before[path[-1]])
     way = [(i * pitch, j * pitch) for i, j in path]
-    if draw(5) < 2.0 / 3.0:
-        way = way[::-1]
-    else:
-        # Its dead end is the way's own.
-        way = _until(way[::-1], GAP * count)[::-1]
+    # In the last third its dead end is the way's own.
+    way = way[::-1] if draw(5) < 2.0 / 3.0 else _until(way[::-1], GAP * count)[::-1]
     halls = [
         hall
         for cell in cells

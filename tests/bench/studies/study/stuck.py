@@ -19,7 +19,7 @@ STAYS, STAYS_FOR = 0.5, 30.0
 HEAD_STAYS, HEAD_STAYS_FOR = 2.0, 60.0
 """The same of the robot that leads a line."""
 AWAY = 2.0
-"""Metres: there is a way out if it leads so far."""
+"""Metres: there is a way out if it leads so far from where the robot began to stay."""
 _EVERY = 5.0
 """Seconds between two looks."""
 _CELL, _HEADINGS = 0.05, 16
@@ -60,9 +60,10 @@ class Floor:
             ]
             self.cells.append(np.unique(np.round(np.concatenate(placed) / _CELL).astype(int), axis=0))
 
-    def has_way(self, pose: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-        """Whether a robot at `pose` (x, y, yaw) can drive to a place AWAY from it, while `others` (n, 3) stay."""
-        reach = math.ceil((AWAY + 0.5) / _CELL)
+    def has_way(self, pose: NDArray[np.float64], others: NDArray[np.float64], begin: NDArray[np.float64]) -> bool:
+        """Whether a robot at `pose` (x, y, yaw) can drive to a place AWAY from `begin`, while `others` (n, 3) stay."""
+        aside = np.round((begin[:2] - pose[:2]) / _CELL).astype(int).tolist()
+        reach = math.ceil((AWAY + 0.5) / _CELL) + max(map(abs, aside))
         at = np.floor((pose[:2] - self.low) / _CELL).astype(int)
         size = 2 * reach + 1
         columns, rows = (np.arange(size) + at[axis] - reach for axis in (0, 1))
@@ -92,17 +93,17 @@ class Floor:
         near = slice(reach - _LOOSE, reach + _LOOSE + 1)
         for turn in range(-_LOOSE, _LOOSE + 1):
             blocked[(first + turn) % _HEADINGS, near, near] = False
-        return _leads_away(blocked, (first, reach, reach))
+        return _leads_away(blocked, (first, reach, reach), (reach + aside[1], reach + aside[0]))
 
 
-def _leads_away(blocked: NDArray[np.bool_], start: tuple[int, int, int]) -> bool:
-    """Whether a state AWAY from the middle can be reached by turns on the spot and straight steps both ways."""
+def _leads_away(blocked: NDArray[np.bool_], start: tuple[int, int, int], begin: tuple[int, int]) -> bool:
+    """Whether a state AWAY from the cell `begin` can be reached by turns on the spot and straight steps both ways."""
     size, far = blocked.shape[1], (AWAY / _CELL) ** 2
-    middle, rows = start[1], blocked.tolist()
+    rows = blocked.tolist()
     seen, queue = {start}, deque([start])
     while queue:
         heading, row, column = queue.popleft()
-        if (row - middle) ** 2 + (column - middle) ** 2 >= far:
+        if (row - begin[0]) ** 2 + (column - begin[1]) ** 2 >= far:
             return True
         dx, dy = _STEPS[heading]
         for state in (
@@ -151,7 +152,11 @@ def find_stuck(
             robot
             for robot in staying | heads
             if not _waits_for_one_that_moves(robot, waits[end], staying | heads)
-            and floor.has_way(poses[end, robot], np.delete(poses[end], robot, axis=0))
+            and floor.has_way(
+                poses[end, robot],
+                np.delete(poses[end], robot, axis=0),
+                poses[end - round((STAYS_FOR if robot in staying else HEAD_STAYS_FOR) / tick), robot],
+            )
         }
         for robot in sorted(set(since) - stuck):
             begin = since.pop(robot)

@@ -12,6 +12,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import NoParams
 from zteam.robot.behaviors.escape import Escape
+from zteam.robot.behaviors.wander import Forward, ForwardParams
 from zteam.robot.view import own_pose
 
 TURN = Twist(angular=Vector3(z=1.0))
@@ -74,6 +75,19 @@ def test_it_goes_round_what_stands_in_its_way() -> None:
     track = seek(Floor([Pose2(0.5, 0.6, 0.0)], walls), (4.0, 0.7))
     assert math.dist(track[-1][:2], (4.0, 0.7)) < 0.2
     assert min(clearance(pose, walls) for pose in track) > 0.12
+
+
+@pytest.mark.parametrize(("length", "leads"), [(1.0, False), (3.0, True)])
+def test_it_leaves_a_place_only_for_one_that_is_some_way_off(length: float, leads: bool) -> None:
+    """0.6 m at least: in a closet that it has seen from both sides there is none, in a corridor there is."""
+    floor, escape = Floor([Pose2(0.5, 0.5, 0.0)], box(0.0, 0.0, length, 1.0)), Escape()
+    escape.leave(floor.view(0))
+    turning = Forward(ForwardParams())
+    turning.step = lambda _view: TURN  # type: ignore[method-assign]
+    for _ in range(31):
+        floor.step([turning])
+    assert escape.leave(floor.view(0)) is leads
+    assert escape.is_moving is leads
 
 
 def ask(escape: Escape, tick: int, yaw: float, command: Twist, x: float = 0.0) -> Twist:
