@@ -9,7 +9,7 @@ from collections.abc import Sequence, Set
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, curvature_to, normalize_angle
+from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
@@ -102,6 +102,8 @@ TURN_GAIN = 2.0
 """1/s."""
 GIVES_UP, PROGRESS = to_ns(6.0), 0.4
 """It hands over if it has not come so many metres in so many nanoseconds."""
+BEEN, TWICE, LEFT = 0.6, 2, 5
+"""It hands over where it has left a place within so many metres so often; that many more places are remembered."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 
@@ -118,6 +120,8 @@ class Head:
         """Where it got on last, and when."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
         self._escape = Escape()
+        self._left: list[Point2] = []
+        """The last places in map from which it looked for a way to leave them."""
 
     def rest(self) -> None:
         """It does not lead, or stands for a reason."""
@@ -131,18 +135,20 @@ class Head:
         if self._since is None:
             self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
             self._escape.rest()
+            self._left = []
+        share, reason = keep_together(view, role)
+        # One that waits for its line, or looks for a way, has twice the time.
+        is_patient = share == 0.0 or self._escape.is_moving
         if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
             self._anchor = own, view.now
-        elif view.now - self._anchor[1] > (2 if self._escape.is_moving else 1) * GIVES_UP:
+        elif view.now - self._anchor[1] > (2 if is_patient else 1) * GIVES_UP:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
         ahead = self._room(view, scan, 0.0)
-        share, reason = keep_together(view, role)
         if share == 0.0 and ahead < FREE:
             # It finds no way while its line is not there.
             self._escape.rest()
-            self._anchor = own, view.now
             return Twist(), reason
         if self._escape.is_moving:
             return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
@@ -150,7 +156,8 @@ class Head:
             self._drawn_at = own
             turn = self._draw(view, scan)
             if turn is None and ahead < FREE:
-                if self._escape.leave(view):
+                if sum(math.dist(own[:2], at) < BEEN for at in self._left) < TWICE and self._escape.leave(view):
+                    self._left = [*self._left[-LEFT:], own[:2]]
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if view.now - self._since > FIRST:
                     return None, ""

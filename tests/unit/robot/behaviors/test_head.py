@@ -102,11 +102,12 @@ def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
 
 
 def test_it_stands_while_its_line_is_not_there() -> None:
-    """In front of a wall it neither looks for a way nor hands over until the robot behind it has come."""
+    """In front of a wall it looks for no way until the robot behind it has come; after 12 s it hands over."""
     head = Head()
-    for tick in range(1, 200):
+    for tick in range(1, 121):
         command, reason = lead(head, look(START, SHUT, 0.1 * tick, {1: (-2.5, 0.0)}), behind=1)
         assert (command, reason) == (Twist(), "waits for robot_1 behind it")
+    assert lead(head, look(START, SHUT, 12.2, {1: (-2.5, 0.0)}), behind=1)[0] is None
 
 
 class Leader(Behavior):
