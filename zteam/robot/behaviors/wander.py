@@ -202,8 +202,8 @@ class Wander(LineMember):
             self._start_turn(view, -1.0 if mate is None else mate)
             self._wanted = max(self._wanted, LEAST_TURN)
         elif mate is not None and not self._side and self._waited < WAITS and self._leads(view):
-            # Its formation makes way.
             self._waited += view.dt
+            self.reason = "waits until its formation makes way"
             return Twist()
         elif cone and mate is None and self._may_drive(cone, scan, view.base.radius + SIDE_MARGIN):
             self._driven, self._waited = 0.0 if self._side else self._driven, 0.0
