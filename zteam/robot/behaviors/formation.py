@@ -6,7 +6,7 @@ goes round a tight bend.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -15,14 +15,16 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
+from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import Escape
-from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
+from zteam.robot.behaviors.evasion import MOVED, STRAY, Around, BoxedIn
 from zteam.robot.behaviors.line import STATUSES, see_robot
-from zteam.robot.behaviors.path import LeaderTrail, Polyline, SpeedLimits
-from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
+from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits
+from zteam.robot.behaviors.wander import draw_heading
+from zteam.robot.view import NO_POSE, Teammate, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
 _RISE = math.sqrt(0.5)
@@ -225,6 +227,17 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
+NEXT, LOOP = 0.2, 0.35
+"""Metres between two points of a trail that is looked at for loops, and to which the points of one come together."""
+NARROW, NARROW_FOR = 0.8, to_ns(5.0)
+"""What the shares come to that the walls on either side of a corridor need of a spacing, and for how long it counts."""
+ROOM_BACK, COMES, BOXED_FOR = 1.2, 0.6, to_ns(10.0)
+"""Metres that a leader gets besides the spacing that turns to the way back, metres of that way to which it does, and
+nanoseconds for which it gets them where it was boxed in."""
+BLOCKED_FOR, AIMS_FOR = to_ns(5.0), to_ns(8.0)
+"""Nanoseconds behind one that does not get on, and after which it looks elsewhere for a way on."""
+JOINS = 1.5
+"""Of the spacing, up to which a robot beyond the beginning of the way to the trail makes it longer."""
 AROUND = 4.0
 """Metres from the robot within which its way is told where it is stuck."""
 KEPT = 20.0
@@ -239,6 +252,28 @@ STALE_AFTER = 1.0
 """Seconds; a member with an older pose is not seen any more."""
 
 
+def chain_to(end: Point2, places: Iterable[Point2]) -> Polyline:
+    """Over these places to `end`, from each to the nearest of the others: a wall may be between."""
+    way, rest = [end], list(places)
+    while rest:
+        way.append(min(rest, key=lambda place: math.dist(place, way[-1])))
+        rest.remove(way[-1])
+    return Polyline(way[::-1])
+
+
+def find_way_out(trail: LeaderTrail, lead_in: Polyline) -> Polyline:
+    """From the leader back over its trail, and to where that comes from, without loops and dead ends."""
+    places = (trail.path.point(at) for at in np.arange(trail.path.start, trail.path.end, NEXT))
+    before = (lead_in.point(at) for at in np.arange(0.0, lead_in.end, NEXT))
+    points = np.array([*before, *places, trail.path.last, trail.leader[:2]])[::-1]
+    at, way = 0, Polyline([points[0]])
+    while at + 1 < len(points):
+        near = np.hypot(*(points[at + 1 :] - points[at]).T) < LOOP
+        at += 1 + (int(near.nonzero()[0][-1]) if near.any() else 0)
+        way.append(*points[at].tolist())
+    return way
+
+
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     """The velocity that keeps a robot in a slot that is near (own base frame) and moves (m/s ahead, rad/s)."""
     cos, sin = math.cos(slot.yaw), math.sin(slot.yaw)
@@ -250,6 +285,19 @@ def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
         return Twist()
     ahead = min(wanted, limits.linear) * math.cos(angle) if abs(angle) < SPOT_ANGLE else 0.0
     return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * angle + turn)))
+
+
+def is_before(mate: Teammate, bearing: float) -> bool:
+    """Whether another robot is in front of this one, if that drives towards a bearing (rad)."""
+    along, across = mate.along(bearing)
+    return along > abs(across)
+
+
+def drive_at(target: Point2, speed: float, limits: SpeedLimits) -> Twist:
+    """The velocity towards a place in the own base frame, on the spot as long as that is far to the side."""
+    bearing = math.atan2(target[1], target[0])
+    ahead = min(limits.linear, speed) * math.cos(bearing) if abs(bearing) < SPOT_ANGLE else 0.0
+    return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * bearing)))
 
 
 def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
@@ -309,12 +357,18 @@ class Formation(Behavior):
         self._assigned = -1
         """The period in which they were assigned."""
         self._trail = LeaderTrail()
-        self._lead_in = Polyline()
-        """In map, to where the trail begins."""
+        self._lead_in, self._led_in = Polyline(), 0
+        """In map, to where the trail begins; and over the places of how many robots."""
         self._squeezed = self._needed = 0.0
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
         self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
         self._boxed_in, self._escape = BoxedIn(), Escape()
+        self._got_on = 0
+        """When it could get on last (ns)."""
+        self._aim, self._aims_until = (0.0, 0.0), 0
+        """Where in map it looks for a way on, and until when (ns)."""
+        self._is_narrow, self._narrow_until, self._boxed_until = False, 0, 0
+        """Whether it is in a corridor, until when that counts (ns); and until when its leader is to get room there."""
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -344,14 +398,17 @@ class Formation(Behavior):
             self.on_release()
             return Twist()
         members = self._members(view)
-        if self._trail.is_far(leader.pose):
-            # Over the places of the others to where the trail begins: a wall may be between.
-            places = [here[:2], leader.pose[:2], *(here.compose(pose)[:2] for pose in members.values())]
-            self._lead_in = Polyline(sorted(dict.fromkeys(places), key=lambda at: -math.dist(at, leader.pose[:2])))
+        trail = self._trail
+        if trail.is_far(leader.pose) or (len(members) > self._led_in and trail.place - trail.path.start < NEAR):
+            places = [here.compose(pose)[:2] for pose in members.values()]
+            self._lead_in, self._led_in = chain_to(leader.pose[:2], places), len(members)
         self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
-        command, way = self._drive(view, here, slot, target, limits)
+        if self._is_narrow:
+            command, way = self._drive_in_file(view, here, members, limits)
+        else:
+            command, way = self._drive(view, here, slot, target, limits)
         command = self._escape.free(view, command, way)
         if self._escape.is_moving:
             self.reason = "boxed in: leaves its way to its slot"
@@ -378,6 +435,53 @@ class Formation(Behavior):
             return hold(at, speed, trail.speed * bend, limits), [at[:2]]
         goal = find_goal(view, here, at, speed, trail, place)
         return self._around.drive_to(view, goal.x, goal.y, limits), self._way_to(here, slot, target)
+
+    def _drive_in_file(
+        self, view: View, here: Pose2, members: Mapping[int, Pose2], limits: SpeedLimits
+    ) -> tuple[Twist, list[Point2]]:
+        """As `_drive`, in a corridor: one behind the other along the way out, off from a leader that comes back."""
+        for pose in members.values():
+            self._lengthen(here.compose(pose)[:2])
+        leader, way = self._trail.leader, find_way_out(self._trail, self._lead_in)
+        if self._boxed_in.look(view.now, leader):
+            self._boxed_until = view.now + BOXED_FOR
+        place = way.project(here.x, here.y)
+        rank = sum(way.project(*here.compose(pose)[:2]) < place for pose in members.values())
+        x, y = leader.locate(*way.point(COMES))
+        backs = view.now < self._boxed_until or x > abs(y)
+        error = self.params.spacing * (rank + 1) + (ROOM_BACK if backs else 0.0) - place
+        sign, needed = math.copysign(1.0, error), error
+        error = min(error, way.end - place)
+        target = here.locate(*way.point(place + sign * min(LOOK_AHEAD, abs(error))))
+        # In a corridor robots do not pass each other: it stops behind the next one.
+        bearing = math.atan2(target[1], target[0])
+        apart = [mate.along(bearing)[0] for mate in view.teammates if is_before(mate, bearing)]
+        error = sign * min(abs(error), max(0.0, min(apart, default=math.inf) - APART * self.params.spacing))
+        if error > PARKED or needed < LEFT:
+            self._got_on = view.now
+        if needed > LEFT and (place > way.end - LEFT or view.now - self._got_on > BLOCKED_FOR):
+            # It is the first there, or stands behind one that does not get on: it looks for another way.
+            self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
+            if view.now > self._aims_until or math.dist(here[:2], self._aim) < NEAR:
+                heading = draw_heading(view)
+                self._aim = here.compose(Pose2(STEP * math.cos(heading), STEP * math.sin(heading), 0.0))[:2]
+                self._aims_until = view.now + AIMS_FOR
+            return drive_at(here.locate(*self._aim), STRAY, limits), [here.locate(*self._aim)]
+        self._aims_until = 0
+        self._is_parked = abs(error) < (LEFT if self._is_parked else PARKED)
+        if self._is_parked:
+            self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
+            return Twist(), []
+        command = drive_at(target, abs(self._trail.speed) + abs(error), limits)
+        ahead = np.arange(place, place + error, sign * ALONG)[1:10]
+        return command, [here.locate(*way.point(at)) for at in (*ahead, place + error)]
+
+    def _lengthen(self, place: Point2) -> None:
+        """The way to where the trail begins, by that of a robot which is the first there."""
+        at, off = self._lead_in.near(place)
+        if at <= 0.0 and LEFT < off < JOINS * self.params.spacing:
+            points = [self._lead_in.point(at) for at in np.arange(0.0, self._lead_in.end, LEFT)]
+            self._lead_in = Polyline([place, *points, self._lead_in.last])
 
     def _way_to(self, here: Pose2, slot: Slot, target: Pose2) -> list[Point2]:
         """Along the trail to its slot, in the own base frame."""
@@ -435,6 +539,7 @@ class Formation(Behavior):
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, slots)
+            self._is_narrow = self._find_narrow(view, here)
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
@@ -463,6 +568,20 @@ class Formation(Behavior):
         poses = [to_base.compose(trail.at(place)) for place in places]
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, poses, mates, left, right, view.base.half_width))
+
+    def _find_narrow(self, view: View, here: Pose2) -> bool:
+        """Whether walls are near on both sides of the robot, or just were: it does not see all of them always."""
+        if view.scan is not None:
+            path = self._trail.path
+            pose = Pose2(0.0, 0.0, path.at(path.project(here.x, here.y)).yaw - here.yaw)
+            mates, reach = [(mate.pose.x, mate.pose.y) for mate in view.teammates], self.params.spacing
+            left, right = (
+                share_for_room(view.scan, [pose], mates, reach - right, right, view.base.half_width)
+                for right in (0.0, reach)
+            )
+            if left + right > NARROW and min(left, right) > 0.0:
+                self._narrow_until = view.now + NARROW_FOR
+        return view.now < self._narrow_until
 
     def _place(self, slot: Slot) -> Pose2:
         return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))

@@ -101,6 +101,8 @@ ROOMY = 3.0
 """Metres; more room counts no more."""
 STUCK_AFTER = 1.0
 """Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
+WAITS = 4.0
+"""Seconds for which it waits until a robot of its formation is out of its way."""
 MOVED = 0.02
 """Metres of odometry that are a move."""
 STALE_AFTER = 0.5
@@ -151,6 +153,8 @@ class Wander(LineMember):
         """Seconds for which it has not moved, though it wants to drive."""
         self._place = math.nan, math.nan
         """In odometry, where it has moved last."""
+        self._waited = 0.0
+        """Seconds for which it has stood before one of its formation since it drove."""
         self._escape = Escape()
 
     def on_release(self) -> None:
@@ -197,8 +201,12 @@ class Wander(LineMember):
         if self._stuck > STUCK_AFTER and self.params.speed > 0.0:
             self._start_turn(view, -1.0 if mate is None else mate)
             self._wanted = max(self._wanted, LEAST_TURN)
+        elif mate is not None and not self._side and self._waited < WAITS and self._leads(view):
+            self._waited += view.dt
+            self.reason = "waits until its formation makes way"
+            return Twist()
         elif cone and mate is None and self._may_drive(cone, scan, view.base.radius + SIDE_MARGIN):
-            self._driven = 0.0 if self._side else self._driven
+            self._driven, self._waited = 0.0 if self._side else self._driven, 0.0
             self._side = 0.0
             return Twist(linear=Vector3(x=self.params.speed))
         if not self._side:
@@ -213,6 +221,11 @@ class Wander(LineMember):
             if 0.0 < x < room + self._reach and abs(y) < room:
                 found = math.atan2(y, x)
         return found
+
+    def _leads(self, view: View) -> bool:
+        """Whether a formation is behind it."""
+        statuses = view.inputs.get("statuses") or {}
+        return any(status.leader == view.robot_id for status in statuses.values())
 
     def _watch_for_stuck(self, view: View) -> None:
         if view.odom is None:
