@@ -21,7 +21,7 @@ from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.evasion import MOVED, STRAY, Around, BoxedIn
-from zteam.robot.behaviors.line import STATUSES, see_robot
+from zteam.robot.behaviors.line import STATUSES, see_robot, waits_for
 from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits
 from zteam.robot.behaviors.wander import draw_heading
 from zteam.robot.view import NO_POSE, Teammate, View, beams_of, is_clear, own_pose
@@ -455,11 +455,15 @@ class Formation(Behavior):
         target = here.locate(*way.point(place + sign * min(LOOK_AHEAD, abs(error))))
         # In a corridor robots do not pass each other: it stops behind the next one.
         bearing = math.atan2(target[1], target[0])
-        apart = [mate.along(bearing)[0] for mate in view.teammates if is_before(mate, bearing)]
-        error = sign * min(abs(error), max(0.0, min(apart, default=math.inf) - APART * self.params.spacing))
-        if error > PARKED or needed < LEFT:
+        before = [(mate.along(bearing)[0], mate.robot_id) for mate in view.teammates if is_before(mate, bearing)]
+        apart, next_one = min(before, default=(math.inf, self.leader))
+        error = sign * min(abs(error), max(0.0, apart - APART * self.params.spacing))
+        if abs(error) > PARKED or abs(needed) < LEFT:
             self._got_on = view.now
-        if needed > LEFT and (place > way.end - LEFT or view.now - self._got_on > BLOCKED_FOR):
+        status = (view.inputs.get("statuses") or {}).get(next_one)
+        faces = status is not None and status.waits_for == view.robot_id
+        is_blocked = view.now - self._got_on > BLOCKED_FOR and (needed > 0.0 or faces)
+        if is_blocked or (needed > LEFT and place > way.end - LEFT):
             # It is the first there, or stands behind one that does not get on: it looks for another way.
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
             if view.now > self._aims_until or math.dist(here[:2], self._aim) < NEAR:
@@ -470,7 +474,10 @@ class Formation(Behavior):
         self._aims_until = 0
         self._is_parked = abs(error) < (LEFT if self._is_parked else PARKED)
         if self._is_parked:
+            is_there = abs(needed) < LEFT or not before
             self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
+            if not is_there:
+                self.reason = waits_for(next_one, "is in its way")
             return Twist(), []
         command = drive_at(target, abs(self._trail.speed) + abs(error), limits)
         ahead = np.arange(place, place + error, sign * ALONG)[1:10]
