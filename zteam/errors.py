@@ -1,5 +1,6 @@
 """Errors that a user may see: each is one line that names the place and the fix. And texts that may be printed."""
 
+import contextlib
 from collections import abc
 
 
@@ -48,12 +49,28 @@ class QueryTimeoutError(QueryError):
     """No answer to a query came in time."""
 
 
+class KeyExpressionError(BusError, UsageError):
+    """A text is no key expression; the error names the right one where it can."""
+
+
 class DuplicateNameError(BusError):
     """Another live process already has this process's name on the bus."""
 
 
 class EncodeError(ZteamError):
     """A message has a value that its wire type cannot represent."""
+
+
+def check_call(function: object, arguments: int, text: str) -> None:
+    """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments."""
+    import inspect
+
+    try:
+        # Some built-in functions have no signature: a ValueError.
+        with contextlib.suppress(ValueError):
+            inspect.signature(function).bind(*[None] * arguments)  # type: ignore[arg-type]
+    except TypeError:
+        raise UsageError(text) from None
 
 
 def did_you_mean(word: str, known: abc.Iterable[str], *, most: int = 1, form: str = " (did you mean {}?)") -> str:

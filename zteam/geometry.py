@@ -14,8 +14,11 @@ if TYPE_CHECKING:
 
 Point2 = tuple[float, float]
 """Metres."""
-FAR = 1e6
-"""Metres: what is longer, or further from the origin of the map, is a mistake and would overflow somewhere."""
+FAR = 1e8
+"""Metres: what is longer, or further from the origin of the map, is a mistake.
+
+Coordinates of a country's grid (UTM, also with the zone before the easting) are less, and a double holds them to 15 nm.
+"""
 
 
 class Pose2(NamedTuple):

@@ -38,7 +38,7 @@ def selection(screen: Screen) -> list[int]:
 
 
 def test_a_page_begins_with_the_robots(team: TeamFixture, screen: Screen) -> None:
-    """In an office of 50 m it shows three metres round them; `f` shows the whole map."""
+    """In an office of 50 m it shows three metres round them; `Home` shows the whole map."""
     show(team, screen, world="office")
     xmin, ymin, xmax, ymax = screen.ask("zteam.app.camera.viewport()")
     places = screen.ask("[0, 1].map((id) => zteam.app.store.poses.at(id))")
@@ -46,9 +46,49 @@ def test_a_page_begins_with_the_robots(team: TeamFixture, screen: Screen) -> Non
         assert xmin + 2.0 < pose["x"] < xmax - 2.0
         assert ymin + 2.0 < pose["y"] < ymax - 2.0
     assert min(xmax - xmin, ymax - ymin) < 20.0
-    screen.page.keyboard.press("f")
+    screen.page.keyboard.press("Home")
     xmin, ymin, xmax, ymax = screen.ask("zteam.app.camera.viewport()")
     assert min(xmax - xmin, ymax - ymin) > 20.0
+
+
+IN_VIEW = """(margin) => {
+  const [xmin, ymin, xmax, ymax] = zteam.app.camera.viewport(), { poses } = zteam.app.store;
+  const isSeen = (x, y) => x > xmin + margin && y > ymin + margin && x < xmax - margin && y < ymax - margin;
+  return [0, 1].map((id) => poses.drawn(id)).map(({ x, y }) => isSeen(x, y));
+}"""
+"""Whether each of two robots is in the view, so many metres from its edge."""
+OUTSIDE = "[...document.querySelectorAll('.outside:not([hidden])')].map((arrow) => arrow.textContent)"
+
+
+def test_the_team_stays_in_view_until_the_user_moves_the_map(team: TeamFixture, screen: Screen) -> None:
+    """The view goes along with robots that leave it, also when a panel takes room; after a move of the map it stays
+    where it is, and `f` takes the team up again."""
+    show(team, screen, world="office")
+    pose = screen.pose(0)
+    team.sim.move(1, pose["x"] + 12.0, pose["y"], 0.0)
+    screen.wait_for_robot(1, pose["x"] + 12.0, pose["y"])
+    screen.wait(f"({IN_VIEW})(1.4).every(Boolean)")
+    screen.page.keyboard.press("6")
+    screen.wait("document.querySelector('#scene').clientHeight < 600")
+    screen.wait(f"({IN_VIEW})(1.4).every(Boolean)")
+    screen.page.keyboard.press("ArrowLeft")
+    before = screen.ask("zteam.app.camera.get()")
+    team.sim.move(1, pose["x"] + 30.0, pose["y"], 0.0)
+    screen.wait_for_robot(1, pose["x"] + 30.0, pose["y"])
+    screen.wait(f"({OUTSIDE}).join() === 'robot_1'")
+    assert screen.ask("zteam.app.camera.get()") == before
+    screen.page.keyboard.press("f")
+    screen.wait(f"({IN_VIEW})(1.4).every(Boolean)")
+
+
+def test_arrows_at_the_edge_lead_to_robots_outside(arena: Screen) -> None:
+    """Each robot outside of the view has one with its name; a click on it brings the robot into view."""
+    assert arena.ask(OUTSIDE) == []
+    arena.ask("zteam.app.camera.set({ x: 60, y: 0, scale: 60 })")
+    arena.wait(f"({OUTSIDE}).sort().join() === 'robot_0,robot_1'")
+    arena.page.click(".outside:has-text('robot_1')")
+    arena.wait(f"({IN_VIEW})(1)[1]")
+    assert arena.ask("zteam.app.camera.scale") == 60
 
 
 @pytest.mark.parametrize("options", [{}, PHONE], ids=["desk", "phone"])

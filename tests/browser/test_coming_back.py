@@ -36,6 +36,9 @@ def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
     show(team, screen)
     team.kill("sim")
     screen.page.wait_for_selector("#notice :text('The simulator is gone')")
+    screen.page.wait_for_selector("#notice code:text-is('zteam-sim arena')")
+    screen.page.wait_for_selector("#robots td:text-is('no world')")
+    assert {*screen.page.locator("#robots tr:first-child td:nth-child(4)").all_inner_texts()} == {"–"}
     assert screen.page.locator("button[aria-label=Pause]").is_disabled()
     team.restart("sim")
     screen.wait("zteam.app.store.team.sim.present && zteam.app.store.poses.count === 2")

@@ -80,7 +80,7 @@ def test_the_doctor_names_the_way_out(team: TeamFixture, screen: Screen) -> None
     screen.page.click("#tab-doctor")
     screen.page.wait_for_selector("#page-doctor [data-what=transforms][data-level=ok]")
     team.kill("tf")
-    screen.page.click("#page-doctor button:text-is('Examine again')")
+    screen.page.click("#page-doctor button:text-is('Check again')")
     found = screen.page.wait_for_selector("#page-doctor [data-what=transforms][data-level=problem]")
     assert "zteam-tf" in found.inner_text()
 

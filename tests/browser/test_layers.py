@@ -140,6 +140,6 @@ def test_costmaps_leave_the_map_in_sight_and_obey_opacity_and_robots(team: TeamF
         screen.ask(layout, "costmaps:60,navigation-0-1,nothing:3,navigation-x,map:0")
         == "costmaps:60,map:5,navigation-0-1"
     )
-    assert screen.page.inner_text(f"{robots} summary") == "of 0 of 2 robots"
+    assert screen.page.inner_text(f"{robots} summary") == "Robots: 0 of 2"
     assert screen.ask(layout, "") == ""
     team.wait_for(lambda: green() == pytest.approx(0.6 * 255, abs=4))

@@ -1,6 +1,7 @@
 """Log, topics, plots and frames on the page, held against what the bus says."""
 
 from support.browser import Screen, start_view
+from zteam.messages import Bool
 from zteam.team.testing.team import TeamFixture
 
 LINES = "[...document.querySelectorAll('#page-log .line')].map((line) => line.textContent)"
@@ -82,13 +83,32 @@ def test_what_processes_say_is_text_and_never_markup(team: TeamFixture, screen: 
 
 
 def test_topics_have_types_and_rates(team: TeamFixture, screen: Screen) -> None:
-    """The list shows the topics that the bus has, with type, publishers and the rate of the scans."""
+    """The list shows the topics that the bus has, with type, publishers and rate, whatever subscribes to them; a truth
+    value is plotted."""
     start(team, screen)
     screen.page.click("#tab-topics")
     row = "#topics [data-topic='robot_0/base_scan']"
     screen.page.wait_for_selector(f"{row} td:text-is('LaserScan')")
     rate = f"Number(document.querySelector(`{row} td:nth-child(3)`).textContent)"
     screen.wait(f"{rate} > 5 && {rate} < 20")
+    # Nothing else of the team subscribes to it; and a type of one's own is that of the messages.
+    rate = f"Number(document.querySelector(`{row.replace('base_scan', 'stall')} td:nth-child(3)`).textContent)"
+    screen.wait(f"{rate} > 5 && {rate} < 20")
+    alarm = team.bus.publisher("crowd/alarm", Bool)
+
+    def wait_while_it_rings(script: str) -> None:
+        def look() -> bool:
+            alarm.put(Bool(True))
+            return bool(screen.ask(script))
+
+        team.wait_for(look)
+
+    row = "#topics [data-topic='crowd/alarm']"
+    wait_while_it_rings(f"document.querySelector(`{row} td:nth-child(2)`)?.textContent === 'Bool'")
+    screen.page.click(f"{row} button")
+    wait_while_it_rings("document.querySelector(`[aria-label='Plot data']`) !== null")
+    screen.page.click("[aria-label='Plot data']")
+    wait_while_it_rings("document.querySelector('#page-plots .chip output')?.textContent === '1'")
     screen.page.fill("#page-topics input", "team_status")
     screen.wait("document.querySelectorAll('#topics tbody').length === 1")
 
@@ -121,11 +141,11 @@ def test_a_paused_plot_stands_still(team: TeamFixture, screen: Screen) -> None:
     start(team, screen, "&plots=robot_0/odom:header.stamp.sec&dock=plots")
     value = "Number(document.querySelector('#page-plots .chip output')?.textContent || NaN)"
     screen.wait(f"{value} > 0")
-    screen.page.click("#page-plots button:text-is('Pause')")
+    screen.page.click("#page-plots button:text-is('Freeze')")
     stands = screen.ask(value)
     screen.wait("stamp => zteam.app.store.frame.stamp > stamp + 2", stands)
     assert screen.ask(value) == stands
-    screen.page.click("#page-plots button:text-is('Resume')")
+    screen.page.click("#page-plots button:text-is('Go on')")
     screen.wait(f"stands => {value} > stands", stands)
 
 

@@ -140,3 +140,110 @@ def test_the_banner_names_what_is_stopped_and_what_is_not_held(modules: Screen) 
         "robot_0 stands, whatever drives it.",
         "robot_0 stands, whatever drives it. Not held: robot_3, a base without a robot process.",
     ]
+
+
+WHY = """async ([tool, selected, refused, mayCommand]) => {
+  const {whyNoTool} = await import('/page/js/rights.js');
+  const robots = [{id: 0, name: 'robot_0', takes_goals: false}, {id: 1, name: 'robot_1', takes_goals: true}];
+  const store = {connection: {state: 'open', mayCommand}, team: {robots, refused}, selection: new Set(selected)};
+  return whyNoTool({store: {...store, robots: new Map(robots.map((robot) => [robot.id, robot]))}}, tool);
+}"""
+
+
+def test_a_tool_that_cannot_work_says_why(modules: Screen) -> None:
+    """Nothing takes goals for the selected robots, the certificate lacks a grant, or the page only watches."""
+    cases: list[tuple[tuple[str, list[int], list[str], bool], str]] = [
+        (("goal", [0], [], True), "nothing takes goals for robot_0"),
+        (("goal", [0, 1], [], True), ""),
+        (("goal", [], [], True), ""),
+        (("goal", [1], ["goals"], True), "the grant goals"),
+        (("pose", [0], ["goals"], True), "the grant goals"),
+        (("drive", [0], ["goals"], True), ""),
+        (("drive", [0], ["teleop"], True), "the grant teleop"),
+        (("measure", [0], ["goals", "teleop"], False), ""),
+        (("move", [0], [], False), "watching only"),
+    ]
+    for arguments, reason in cases:
+        said = modules.ask(WHY, list(arguments))
+        assert reason in said and bool(reason) == bool(said), arguments
+
+
+def test_what_a_robot_does_reads_well_after_a_turn_of_the_line(modules: Screen) -> None:
+    """A leader that follows now, and a follower that leads, say so; a world that stands is the state of its robots."""
+    does = """async ([behavior, leader, driver]) => {
+      const {behaviorOf} = await import('/page/js/panels/team.js');
+      return behaviorOf({behavior, leader, driver});
+    }"""
+    shown = [
+        (["wander", -1, "behavior"], "wander"),
+        (["wander", 1, "behavior"], "wander, follows robot_1"),
+        (["follow", 0, "behavior"], "follow robot_0"),
+        (["follow", -1, "behavior"], "follow, leads"),
+        (["idle", -1, "navigation"], "navigation"),
+    ]
+    assert [modules.ask(does, arguments) for arguments, _ in shown] == [text for _, text in shown]
+    state = """async ([state, stopped, world]) => {
+      const {stateOf} = await import('/page/js/panels/team.js');
+      return stateOf({state, stopped}, {sim: {state: world}});
+    }"""
+    states = [
+        (["running", False, "running"], "running"),
+        (["running", False, "paused"], "paused"),
+        (["running", False, "gone"], "no world"),
+        (["running", False, ""], "running"),
+        (["lost", False, "paused"], "lost"),
+        (["running", True, "paused"], "held"),
+    ]
+    assert [modules.ask(state, arguments) for arguments, _ in states] == [text for _, text in states]
+
+
+def test_a_robots_log_has_the_lines_of_its_navigation_that_mean_it(modules: Screen) -> None:
+    """One process may navigate for all robots."""
+    about = """async ([process, text]) => {
+      const {isAbout} = await import('/page/js/panels/inspector.js');
+      return isAbout({process, text}, 1);
+    }"""
+    lines = [
+        (["robot_1", "ready"], True),
+        (["robot_10", "ready"], False),
+        (["nav_0", "robot_1: driving"], True),
+        (["nav_0", "robot_10: driving"], False),
+        (["nav_1", "robot_0: driving"], False),
+        (["nav_1", "ready"], True),
+    ]
+    assert [modules.ask(about, line) for line, _ in lines] == [expected for _, expected in lines]
+
+
+def test_curves_have_the_colours_of_their_robots(modules: Screen) -> None:
+    """A further one of the same robot in a chart has other dashes, one of no robot the colour of text."""
+    looks = modules.ask(
+        """async (topics) => {
+          const {looksOf} = await import('/page/js/panels/plots.js');
+          const {robotColor} = await import('/page/js/robot_colors.js');
+          const found = looksOf(topics.map((topic) => ({topic})));
+          return found.map(({color, dash}) => [[0, 1].find((id) => robotColor(id) === color) ?? -1, dash.join()]);
+        }""",
+        ["robot_0/odom", "robot_1/odom", "robot_0/odom", "clock"],
+    )
+    assert [owner for owner, _ in looks] == [0, 1, 0, -1]
+    assert looks[0][1] == looks[1][1] == looks[3][1] == ""
+    assert looks[2][1] != ""
+
+
+def test_a_line_of_a_log_that_comes_now_has_the_simulated_time(modules: Screen) -> None:
+    """As the tool bar and the plots have it; of older lines, and without a simulator, only the host's is known."""
+    stamps = modules.ask(
+        """async () => {
+          const {Store} = await import('/page/js/store.js'), now = Date.now() / 1000, found = [];
+          for (const state of ['running', 'paused', '']) {
+            const store = new Store();
+            store.team = {sim: {present: state !== '', state, rtf: 2}};
+            const value = [1, 600].map((ago) => ({time: now - ago, process: 'sim', level: 'info', text: ''}));
+            const blocks = [{type: 'doc', name: 'log', value}];
+            store.takeFrame({number: 1, tick: 1, stamp: 50, age: -1, blocks}, 0);
+            found.push(store.log.map(({stamp}) => stamp === undefined ? null : Math.round(stamp)));
+          }
+          return found;
+        }"""
+    )
+    assert stamps == [[48, None], [50, None], [None, None]]

@@ -24,7 +24,7 @@ def test_the_table_says_what_the_robots_do(team: TeamFixture, screen: Screen) ->
         cells = screen.page.locator(ROW.format(robot)).locator("td")
         screen.page.wait_for_selector(f"{ROW.format(robot)} td:text-is('running')")
         assert cells.nth(2).inner_text() == behavior
-    screen.page.wait_for_selector("#status :text('GO is out')")
+    screen.page.wait_for_selector("#status :text('GO given')")
 
 
 def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> None:
@@ -34,7 +34,7 @@ def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> No
     screen.page.click(ROW.format(1))
     assert screen.ask("[...zteam.app.store.selection]") == [1]
     buttons = screen.page.locator("#page-team .over button").all()
-    assert [button.inner_text() for button in buttons] == ["Inspect", "Follow", "Select none", "Remove"]
+    assert [button.inner_text() for button in buttons] == ["Inspect", "Follow", "Deselect", "Remove"]
     assert len({(button.bounding_box() or {})["y"] for button in buttons}) == 1
     screen.page.click(ROW.format(0), modifiers=["Shift"])
     assert sorted(screen.ask("[...zteam.app.store.selection]")) == [0, 1]
@@ -113,8 +113,8 @@ def test_a_hung_server_is_noticed(team: TeamFixture, screen: Screen) -> None:
 
 
 def test_a_spawned_robot_says_what_it_lacks_and_leaves_when_removed(team: TeamFixture, screen: Screen) -> None:
-    """Without `zteam up` the row has the command to type; a removed robot has no row and is not drawn, also while the
-    world is paused, and one whose process lives says so."""
+    """Without `zteam up` the row has the command to type. A removed robot has no row and is not drawn; one whose
+    process lives says so. In a paused world a new one is drawn too, and robots are paused."""
     show(team, screen, 1)
     team.sim.spawn(0.0, -3.0, 0.0, robot_id=7)
     screen.page.wait_for_selector(f"{ROW.format(7)} .note:has-text('drive it, or start one')")
@@ -123,12 +123,18 @@ def test_a_spawned_robot_says_what_it_lacks_and_leaves_when_removed(team: TeamFi
     assert screen.page.locator(f"{ROW.format(7)} td.bad").count() == 0
     screen.wait("zteam.app.store.poses.at(7) !== null")
     team.sim.pause()
-    screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('the world is paused')")
+    screen.page.wait_for_selector(f"{ROW.format(0)} td:text-is('paused')")
+    new = team.sim.spawn(3.0, -1.0, 0.0)
+    screen.wait_for_robot(new, 3.0, -1.0)
+    team.sim.move(new, 3.0, -4.0, 0.0)
+    screen.wait_for_robot(new, 3.0, -4.0)
     team.sim.remove(7)
     screen.page.wait_for_selector(ROW.format(7), state="detached")
     screen.wait("zteam.app.store.poses.at(7) === null")
     team.sim.remove(0)
     screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('not in the world; robot_0 still runs')")
+    screen.page.wait_for_selector(f"{ROW.format(0)} td.bad:text-is('absent')")
+    screen.wait("zteam.app.store.poses.at(0) === null")
 
 
 COLORS = """() => [
@@ -192,7 +198,7 @@ def test_a_robot_whose_place_is_known_badly_is_lost(team: TeamFixture, screen: S
 
 
 def test_zteam_up_starts_a_behavior_for_a_spawned_robot(team: TeamFixture, screen: Screen) -> None:
-    """The button has the launcher start a process, which drives the robot and ends with the team."""
+    """The button has the launcher start a process, which drives the robot; to remove the robot ends it."""
     name = team.spawn("zteam", "up", "arena", "--view", "--no-browser")
     team.wait_for_line(name, "the view is at http://127.0.0.1:")
     url = next(line.partition("the view is at ")[2].strip() for line in team.lines(name) if "the view is at" in line)
@@ -204,5 +210,8 @@ def test_zteam_up_starts_a_behavior_for_a_spawned_robot(team: TeamFixture, scree
     assert "has a process already" in screen.ask(
         "robot => zteam.app.send({op: 'start', robot, behavior: 'avoid'})", new
     )
+    assert screen.ask("robot => zteam.app.send({op: 'remove', robot})", new) == ""
+    screen.page.wait_for_selector(ROW.format(new), state="detached")
+    screen.wait("robot => zteam.app.store.poses.at(robot) === null", new)
     assert team.stop(name) == 0
     assert any(f"robot_{new} is started on request" in line for line in team.lines(name))

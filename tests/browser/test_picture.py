@@ -71,7 +71,7 @@ def test_the_page_draws_what_world_show_draws(team: TeamFixture, open_screen: Op
     screen.ask(ONLY, ["map", "robots"])
     # Without panels, so that the map is large.
     screen.page.keyboard.press("0")
-    screen.page.keyboard.press("f")
+    screen.page.keyboard.press("Home")
     frames = screen.ask("zteam.stats.frames")
     screen.wait("n => zteam.stats.frames > n + 2", frames)
     places = np.arange(-HALF + 0.025, HALF, STEP)

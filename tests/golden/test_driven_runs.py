@@ -123,8 +123,7 @@ RUNS: dict[str, Callable[[], Run]] = {
     "it makes room for a head that backs up, the last robot first": lambda: Run(
         line(Commanded((0.3, 0.0, 20), (-0.3, 0.0, 80)), 3), 110, corridor(1.2, -8.0, 3.0),
         ways=[(-0.016, 0.0, 1.954), (-0.781, 0.0, 2.159), (-1.538, 0.0, 2.106)],
-        said="makes room for robot_0; makes room for robot_1; "
-        "no laser looks behind; robot_1 behind; robot_2 behind",
+        said="it cannot see behind; makes room for robot_0; makes room for robot_1; robot_1 behind; robot_2 behind",
     ),
     "it makes room for a head that turns round": lambda: Run(
         line(Commanded((0.0, 1.0, 31), (0.3, 0.0, 100)), 3), 130, corridor(1.2, -8.0, 3.0),
@@ -138,7 +137,7 @@ RUNS: dict[str, Callable[[], Run]] = {
     "a robot drives round a head that faces it": lambda: Run(
         [(Pose2(0.0, 0.0, math.pi), Commanded()), (Pose2(-1.1, 0.1, 0.0), follower(1))], 70,
         ways=[(0.0, 0.0, 0.0), (-0.804, 0.239, 2.079)],
-        said="drives round robot_0; no laser looks ahead; no laser looks behind",
+        said="drives round robot_0; it cannot see ahead; it cannot see behind",
     ),
     "a robot that comes late finds its place": lambda: Run(
         [*line(Commanded((0.3, 0.0, 90)), 2), (Pose2(1.0, -2.0, 1.0), follower(2))], 95,
@@ -228,8 +227,8 @@ RUNS: dict[str, Callable[[], Run]] = {
         ],
         220, [*NARROW, (1.0, 0.6, 1.0, 6.0)],
         ways=[(1.921, 1.142, 3.6), (-0.045, 0.071, 2.988)],
-        said="boxed in: leaves its way to its slot; no laser looks ahead; "
-        "no laser looks behind; obstacle ahead; obstacle beside",
+        said="boxed in: leaves its way to its slot; it cannot see ahead; "
+        "it cannot see behind; obstacle ahead; obstacle beside",
     ),
     "go_to leaves a dead end": lambda: Run(
         [at(0, 0, 0, "go_to")], 289, POCKET, {1: send(0, make_goal(4.0, 0.3))},
@@ -247,7 +246,7 @@ RUNS: dict[str, Callable[[], Run]] = {
     "go_to backs out of a pocket": lambda: Run(
         [at(0, 0, 0, "go_to")], 150, NARROW, {1: send(0, make_goal(-2.0, 0.5))},
         ways=[(-0.209, -0.097, 0.622)],
-        said="no laser looks ahead; no laser looks behind; obstacle ahead; obstacle beside",
+        said="it cannot see ahead; it cannot see behind; obstacle ahead; obstacle beside",
     ),
     "wander gets about a room with a pillar": lambda: Run(
         [at(1.0, 1.0, 0.0, "wander", speed=0.8)], 260, box(0.0, 0.0, 6.0, 5.0) + box(2.5, 2.0, 3.2, 2.8),

@@ -46,6 +46,7 @@ occupied_thresh: 0.65
 free_thresh: 0.25
 """
 URDF = b"""<?xml version="1.0"?><robot name="bot"><link name="base_link"/>
+  <link name="camera"/><link name="wheel"/><link name="rim"/>
   <joint name="camera" type="fixed"><parent link="base_link"/><child link="camera"/>
     <origin xyz="0.1 0 0.3" rpy="0 0 1.57"/></joint>
   <joint name="left" type="continuous"><parent link="base_link"/><child link="wheel"/><axis xyz="0 2 0"/></joint>

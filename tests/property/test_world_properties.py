@@ -91,7 +91,7 @@ def test_a_macro_is_its_body_written_in_place(macro: Entity, instance: Entity) -
     assert content(by_macro.children[0]) == content(in_place.children[0])
 
 
-lengths = st.sampled_from([0.0, 1e-9, 0.1, 1.0, -1.0, 90.0, 1e7]) | st.floats(0, 1e6) | st.floats(-1e6, 1e6)
+lengths = st.sampled_from([0.0, 1e-9, 0.1, 1.0, -1.0, 90.0, 1e7, 1e9]) | st.floats(0, 1e6) | st.floats(-1e6, 1e6)
 tuples = st.lists(lengths, min_size=8, max_size=8)
 model_properties = st.dictionaries(
     st.sampled_from(

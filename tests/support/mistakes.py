@@ -113,7 +113,7 @@ ALONE = (
     # The simulator, goals, parameters, faults, certificates.
     _usage("zteam sim step 0", "give a number of ticks from 1 to"),
     _usage("zteam sim speed fast", "speed 'fast': give simulated seconds a second from 1e-06 to 1e+06, or max"),
-    _usage("zteam sim move 0 1e308 2 0", "pose '1e308 2 0': give X Y YAW in metres and radians from -1e+06 to 1e+06"),
+    _usage("zteam sim move 0 1e308 2 0", "pose '1e308 2 0': give X Y YAW in metres and radians from -1e+08 to 1e+08"),
     _usage("zteam sim spawn --pose 0 nan 0", "pose '0 nan 0': give X Y YAW"),
     _usage("zteam sim move 0 1 1 90", "YAW 90 is more than a full turn", "90 degrees are 1.5708"),
     _usage("zteam sim move robot_3 1 1 0", "robot id 'robot_3' is not a whole number from 0 to 9999; give 3"),
@@ -198,6 +198,32 @@ ALONE = (
     _team("zteam up team.toml --for 3", _TEAM.replace("arena", "none"), "has no simulator: leave --for"),
     _team("zteam up team.toml", "[team\n", "team.toml:1:6: not TOML"),
     _team("zteam up team.toml", _TEAM.replace('"', ""), "team.toml:2:9: not TOML: Invalid value; text needs quotes"),
+    *(
+        _team("zteam up team.toml", text, "team.toml:2: not TOML: the text that begins here has no closing quote")
+        for text in (
+            _TEAM.replace('arena"', "arena"),
+            _TEAM.replace('"arena"', "'arena"),
+            _TEAM.replace('"arena"', '"""arena'),
+            _TEAM.replace('"arena"', '["arena, "office"]'),
+            '[team]\nworld = "arena',
+        )
+    ),
+    _team("zteam up team.toml", _TEAM.replace(" =", ":"), "team.toml:2:6: not TOML: ", "write key = value"),
+    Mistake("zteam up a.launch", ("a launch file of ROS, not a team file",), file=("a.launch", "<launch/>\n")),
+    Mistake(
+        "zteam up team.yaml",
+        ("team.yaml:1:1: not TOML", "a team file is TOML (docs/"),
+        file=("team.yaml", "{robots: 1}\n"),
+    ),
+    _team("zteam up team.toml", _TEAM.replace("arena", "~/no.world"), "team.world: world '/", "/no.world'"),
+    _refused("zteam up ~/no.toml", "team '/", "/no.toml'"),
+    _usage("zteam up --speed fast", "speed 'fast'"),
+    _team(
+        "zteam up team.toml --speed 2",
+        _TEAM.replace("arena", "${world:-arena}") + 'sped = 1\nspeed = "${speed:-0.3}"',
+        *("the team's argument of this name has no dashes: speed=2", "unknown key"),
+        lines=2,
+    ),
     _team("zteam up team.toml", _TEAM.replace("arena", "offce"), "world 'offce': No such file", "did you mean office?"),
     _team("zteam up team.toml", _TEAM.replace("world", "worlds"), "team.toml:2: team.worlds: unknown key", "world?"),
     _team("zteam up team.toml", _TEAM.replace("[[robots", "[[robot"), "team.toml:3: robot:", "did you mean robots?"),
@@ -291,6 +317,18 @@ ALONE = (
     _usage("zteam-robot --id 1 --base max=a", "--base max"),
     _refused("zteam-robot --id 1 --param speed=fast", 'speed: a number is expected, not "fast"'),
     _refused("zteam-robot --id 1 --behavior mine.py:Mine", "did you mean mine:Mine?"),
+    *(
+        Mistake(f"zteam check {name}{spec}", (f"did you mean {meant}",), file=(name, f"{_BEHAVIOR}pass\n"))
+        for name, spec, meant in (
+            ("mine.py", "", "mine:Mine?"),
+            ("sub/mine.py", "", "mine:Mine, with the folder on the path (--path sub)?"),
+            ("sub/mine.py", ":Mine", "mine:Mine, with the folder on the path (--path sub)?"),
+        )
+    ),
+    *(
+        Mistake(f"zteam check {name}:Mine", ("it hides your ", f"{name}.py: give"), file=(f"{name}.py", _BEHAVIOR))
+        for name in ("random", "queue")
+    ),
     _module(_BEHAVIOR + "def step(self): return Twist()\n", "its step must take the view", "def step(self, view)"),
     _module("from geometry_msgs.msg import Twist\n", "mine.py:1:", "No module named 'geometry_msgs'", "zteam.messages"),
     _usage("zteam-monitor --ids 3-1", "--ids: '3-1': the first id is above the last"),
@@ -331,7 +369,12 @@ ALONE = (
 """Mistakes that need no team. The router's address leads nowhere."""
 
 BESIDE_A_TEAM = (
-    Mistake("python mine.py", ("run(name, body) takes",), 2, ("mine.py", "import zteam\nzteam.run(print, 'mine')\n")),
+    Mistake(
+        "python mine.py",
+        ("mine.py:2: zteam.run(name, body): write",),
+        2,
+        ("mine.py", "import zteam\nzteam.run(print, 'mine')\n"),
+    ),
     Mistake("zteam topic echo robot0/odom --once --timeout 1", ("did you mean robot_0/odom",), 1),
     Mistake("zteam topic echo robot_0/scan --once --timeout 1", ("did you mean robot_0/base_scan",), 1),
     Mistake("zteam topic echo map --type Odometry --once", ("map carries nav_msgs/msg/OccupancyGrid", "--type")),
@@ -369,6 +412,6 @@ BESIDE_A_TEAM = (
         exit_code=0,
         lines=2,
     ),
-    _node("node.run(lambda: None)", "mine.py", "line 4", "positional argument", lines=10),
+    _node("node.run(lambda: None)", "mine.py:4: node.run(", "def step(now)", exit_code=2),
 )
 """Mistakes beside a running team of robots 0 and 1; robots 2 to 5 are in its world and have no process."""

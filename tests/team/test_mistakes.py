@@ -92,7 +92,7 @@ def test_a_process_that_waits_says_for_what(team: TeamFixture) -> None:
     )
     team.spawn("zteam-tf", name="tf")
     team.wait_for_line("robot_0", "waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
-    team.wait_for_line("robot_1", "waiting for the pose of its leader robot_5")
+    team.wait_for_line("robot_1", "the pose of its leader robot_5: robot_5 is not in the world; it has 0, 1")
 
 
 def test_a_team_that_cannot_be_started_is_answered(team: TeamFixture) -> None:

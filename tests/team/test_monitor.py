@@ -52,7 +52,7 @@ def test_the_status_says_why_a_robot_stands(team: TeamFixture, in_process: bool)
     status = team.robot(0).status
     assert (status.behavior, status.driver, status.speed) == ("forward", "behavior", 0.0)
     team.run(5.0)
-    told = [line for line in team.lines("robot_0") if "safety: stopped forward (0.50 m/s): obstacle 0." in line]
+    told = [line for line in team.lines("robot_0") if "safety: stopped forward (0.50 m/s): obstacle ahead" in line]
     assert len(told) == 1
 
 

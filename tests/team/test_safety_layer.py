@@ -95,7 +95,7 @@ def test_a_robot_that_backs_up_stops_before_a_teammate(team: TeamFixture, tmp_pa
     assert speeds[-1] == 0.0
     assert 0.3 <= last - REAR - (-0.5 + SIDE) < 0.4
     assert any("robot_1 behind" in line for line in team.lines("robot_0"))
-    assert any("no laser looks behind" in line for line in team.lines("robot_0"))
+    assert any("it cannot see behind" in line for line in team.lines("robot_0"))
 
 
 def test_a_robot_that_backs_up_stops_before_a_wall_that_it_has_passed(team: TeamFixture, tmp_path: Path) -> None:

@@ -71,6 +71,33 @@ def test_a_node_of_the_team_takes_part_from_start_to_end(tmp_path: Path, options
     assert report["restarts"] == {}
 
 
+SWARM = """
+import zteam
+from zteam.messages import Twist, Vector3
+
+def main(node):
+    wheels = [node.publisher(f"robot_{i}/cmd_vel", Twist) for i in range(2)]
+    node.run(lambda now: [each.put(Twist(Vector3(0.5))) for each in wheels])
+
+zteam.run("swarm", main)
+"""
+BLIND = (
+    'define dot position ( size [0.3 0.3 0.3] )\ndot ( pose [0 0 0 0] name "r0" )\ndot ( pose [0 2 0 0] name "r1" )\n'
+)
+
+
+@pytest.mark.parametrize("robots", ["", '[[robots]]\nids = "0-1"\nbehavior = "none"\n'], ids=["no robots", "none"])
+def test_one_program_drives_robots_without_lasers(tmp_path: Path, robots: str) -> None:
+    """No process of the team stands between it and their wheels, and GO waits for none."""
+    (tmp_path / "swarm.py").write_text(SWARM)
+    (tmp_path / "blind.world").write_text(BLIND)
+    node = '[[nodes]]\nname = "swarm"\ncommand = ["python", "swarm.py"]\nexpect = true\n'
+    (tmp_path / "team.toml").write_text(f'[team]\nworld = "blind.world"\n{robots}{node}')
+    code, output, report = up(tmp_path, "--lockstep", "--for", "2")
+    assert code == 0, output
+    assert [row["distance_m"] for row in report["robots"]] == pytest.approx([1.0, 1.0], abs=0.1)
+
+
 FLAKY = """
 import os, pathlib, signal, zteam
 from zteam.messages import Twist, Vector3

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.team
 
 
 URDF = """<robot name="bot">
+  <link name="base_link"/><link name="mast"/><link name="wheel_left"/>
   <joint name="mast_joint" type="fixed">
     <parent link="base_link"/><child link="mast"/><origin xyz="0 0 1"/>
   </joint>

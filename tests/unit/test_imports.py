@@ -1,5 +1,6 @@
 """The modules of the package, each by itself."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -36,3 +37,12 @@ def test_each_module_may_be_imported_first() -> None:
         [sys.executable, "-c", SCRIPT, *modules], capture_output=True, text=True, timeout=4 * LIMIT, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_pytest_without_the_plugins_of_this_checkout_names_them(tmp_path: Path) -> None:
+    """A test of a user's own that lies in the checkout takes its options, which plain pytest does not know."""
+    options = Path(__file__).parents[2] / "pyproject.toml"
+    (tmp_path / "pyproject.toml").write_bytes(options.read_bytes())
+    command, environment = [sys.executable, "-m", "pytest"], {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert "Missing required plugins: pytest-benchmark, pytest-timeout, pytest-xdist" in done.stderr

@@ -41,7 +41,7 @@ from zteam.bus.router import (
     spawn_router,
 )
 from zteam.bus.sockets import Ends, cut, links_of
-from zteam.bus.transport import let_end
+from zteam.bus.transport import let_end, zenoh_text
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import HOST_FACTOR, Every, monotonic, pause
 from zteam.errors import BusError
@@ -135,6 +135,15 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
     )
 
 
+def _no_host(endpoint: str) -> str:
+    host, port = host_port(endpoint) or ("127.0.0.1", 0)
+    try:
+        socket.getaddrinfo(host, port)
+    except (socket.gaierror, UnicodeError):
+        return f"no host has the name {host!r}: check --connect {endpoint}"
+    return ""
+
+
 class Reasons:
     """Why a process has no link. Each reason is given once, and again when it has changed.
 
@@ -155,7 +164,7 @@ class Reasons:
             return None
         self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
         before, listens = self._given, port_accepts(self._options.endpoint)
-        self._given = ": ".join(why_refused(self._options)) if listens else ""
+        self._given = ": ".join(why_refused(self._options)) if listens else _no_host(self._options.endpoint)
         return None if self._given and self._given == before else self._given
 
 
@@ -217,7 +226,8 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
             if port_accepts(options.endpoint):
                 raise BusError(": ".join(why_refused(options)))
             raise BusError(
-                f"no Zenoh router answers at {options.endpoint}: "
+                _no_host(options.endpoint)
+                or f"no Zenoh router answers at {options.endpoint}: "
                 f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
             )
         if (why := reasons.look()) is not None:
@@ -317,7 +327,7 @@ def _is_reached(options: BusOptions, key: str) -> bool | None:
         with open_session(client_config(options), "usual") as other:
             return any(reply.ok is not None for reply in other.get(key, timeout=ROUTER_ANSWER))
     except zenoh.ZError as error:
-        log.debug("link: %s", error)
+        log.debug("link: %s", zenoh_text(error))
         return None
 
 

@@ -227,6 +227,19 @@ def near_keys(key: str, known: Collection[str]) -> str:
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
 
 
+def unpublished(graph: Graph, keys: Iterable[str], heard: Collection[str] = ()) -> dict[str, str]:
+    """`: did you mean X?` or nothing, by each of these keys, wildcards too, that nothing publishes. Empty while no
+    robot's data is published. On the keys of `heard` messages have come."""
+    published = {key for key in graph.known_keys() if graph.publishers(key)} | {*heard}
+    robots = robots_of(published)
+    found = {}
+    for key in sorted(keys) if robots else ():
+        if not any(matches(key, other) for other in published):
+            one = next(iter(names.keys_in(key, robots)), key)
+            found[key] = near_keys(one, published)
+    return found
+
+
 def describe_sessions(bus: Bus, sessions: Sequence[str]) -> dict[str, str]:
     """`name (process PID on HOST)` of each session that answers."""
     return {session: str(info) for session, info in _ask(bus, sessions, "").items()}

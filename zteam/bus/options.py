@@ -4,6 +4,7 @@ import ctypes
 import json
 import logging
 import os
+import re
 import socket
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, Literal
 import msgspec
 import zenoh
 
-from zteam.bus.transport import MAX_PAYLOAD, first_line
+from zteam.bus.transport import MAX_PAYLOAD, zenoh_text
 from zteam.clock import HOST_FACTOR, PATIENCE_BOUNDS
 from zteam.config.numbers import parse_number
 from zteam.errors import UsageError, printable
@@ -27,7 +28,12 @@ DEFAULT_TLS_ENDPOINT = "tls/127.0.0.1:7447"
 FROM_STDIN = "-"
 """`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
 process can start and import meanwhile."""
-_WITH_PORT = frozenset({"tcp", "tls", "udp", "quic", "ws"})
+_WITH_PORT = ("tcp", "tls", "udp", "quic", "ws")
+_ENDPOINT = re.compile(
+    r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?P<host>\[?[\w:.%-]*?\]?)(?:(?<!:):(?P<port>[^:?#/\\]*))?[/\\]*"
+    r"(?P<rest>(?:[?#].*)?)"
+)
+"""As people write it: tcp://HOST:PORT, tcp:HOST:PORT, HOST:PORT, HOST, PORT."""
 
 RELEASE = service_key("@router", "release")
 """Query to a router on demand, a ReleaseRequest: whether it gives its port up."""
@@ -209,28 +215,37 @@ def default_endpoint(tls: TlsFiles | None) -> str:
 
 
 def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
-    """The endpoint itself, if it can be one. Raises UsageError: to Zenoh an impossible one only is not there yet."""
-    protocol, slash, address = endpoint.partition("/")
-    if not (protocol and slash and address):
-        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
-    if protocol in _WITH_PORT:
-        _, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-        try:
-            parse_number(port if colon else "", 0, 65535, "a port")
-        except UsageError as error:
-            raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
-    if tls is not None and protocol != "tls":
+    """The endpoint itself, if it can be one. Raises UsageError, with the form that is probably meant: to Zenoh an
+    impossible one only is not there yet."""
+    protocol, _, address = endpoint.partition("/")
+    if tls is not None and protocol in (*_WITH_PORT, "unixsock-stream") and protocol != "tls":
         raise UsageError(f"endpoint {endpoint!r}: with {TLS_VARIABLES[0]} it must be tls/{address}")
+    if protocol == "unixsock-stream" and address:
+        return endpoint
+    found = _ENDPOINT.fullmatch(re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'")))
+    if found is None:
+        raise UsageError(f"endpoint {endpoint!r}: give one PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
+    host, port = found["host"].strip("[]"), found["port"]
+    if port is None:
+        host, port = ("", host) if host.isdigit() else (host, "7447")
+    try:
+        parse_number(port, 0, 65535, "a port")
+    except UsageError as error:
+        raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
+    protocol, usual = (found["protocol"] or "").lower(), "tcp" if tls is None else "tls"
+    place = f"[{host}]" if ":" in host else host or "127.0.0.1"
+    meant = f"{protocol if protocol in _WITH_PORT else usual}/{place}:{port}{found['rest']}"
+    if meant != endpoint:
+        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {meant}")
     return endpoint
 
 
 def host_port(endpoint: str) -> tuple[str, int] | None:
     """Host and port of a tcp or tls endpoint, None for any other kind."""
-    protocol, slash, address = endpoint.partition("/")
-    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-    if not slash or not colon or protocol not in {"tcp", "tls"} or not port.isdigit():
+    found = _ENDPOINT.fullmatch(endpoint)
+    if found is None or found["protocol"] not in ("tcp", "tls") or not (found["port"] or "").isdigit():
         return None
-    return host.strip("[]"), int(port)
+    return found["host"].strip("[]"), int(found["port"])
 
 
 def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
@@ -240,9 +255,18 @@ def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
         return True
     try:
         socket.create_connection(address, timeout=timeout).close()
-    except OSError:
+    except (OSError, UnicodeError):
+        # UnicodeError: the name of the host is too long.
         return False
     return True
+
+
+def check_namespace(namespace: str, source: str) -> str:
+    """The namespace without slashes at its ends, or two in a row. Raises UsageError that names its `source`."""
+    parts = list(filter(None, namespace.split("/")))
+    if any(part.startswith("@") or any(c in "*$?#" or c.isspace() for c in part) for part in parts):
+        raise UsageError(f"{source} {namespace!r}: use letters, digits, '_', '-' and '/'")
+    return "/".join(parts)
 
 
 def share_arenas() -> None:
@@ -275,22 +299,26 @@ def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session |
     try:
         return open_session(client_config(options), runtime or ("small" if options.small else "usual"))
     except zenoh.ZError as error:
-        log.debug("open: %s", error)
+        log.debug("open: %s", zenoh_text(error))
         return None
 
 
-def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
+def _build(config: str | None, settings: dict[str, Any], *, is_on_demand: bool = False) -> zenoh.Config:
+    """What the file says, and over it the settings. Raises UsageError, also where a process `is_on_demand` at the local
+    router and its file names another one."""
     if config is not None and not Path(config).is_file():
         raise UsageError(f"--config {config}: no such file")
     try:
         built = zenoh.Config() if config is None else zenoh.Config.from_file(config)
     except zenoh.ZError as error:
-        raise UsageError(f"--config {config}: {first_line(error)}") from None
+        raise UsageError(f"--config {config}: {zenoh_text(error)}") from None
+    if is_on_demand and json.loads(built.get_json("connect/endpoints")):
+        raise UsageError(f"--config {config}: its connect/endpoints is not read: name the router with --connect")
     for key, value in settings.items():
         try:
             built.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise UsageError(f"Zenoh does not take {key} = {value!r}: {first_line(error)}") from None
+            raise UsageError(f"Zenoh does not take {key} = {value!r}: {zenoh_text(error)}") from None
     return built
 
 
@@ -318,6 +346,7 @@ def client_config(options: BusOptions) -> zenoh.Config:
         "transport/link/tx/lease": round(options.lease * 1e3),
         "mode": "client",
         "connect/endpoints": [options.endpoint],
+        "listen/endpoints": [],
         # The first attempt fails at once, so that the caller can start a router or say what it waits for.
         "connect/timeout_ms": 0,
         "connect/retry": _RETRY,
@@ -328,9 +357,9 @@ def client_config(options: BusOptions) -> zenoh.Config:
         # A router works off TLS handshakes that failed one by one, 0.1 s for each. To give up sooner adds one more: 40
         # clients that gave up after 2 s were kept out for ever, by each other.
         settings |= {**options.tls.settings, "transport/unicast/open_timeout": 10_000}
-    if options.namespace:
-        settings["namespace"] = options.namespace
-    return _build(options.config, settings)
+    if namespace := check_namespace(options.namespace or "", "namespace"):
+        settings["namespace"] = namespace
+    return _build(options.config, settings, is_on_demand=options.connect is None)
 
 
 def _rule(name: str, messages: list[str], key_exprs: list[str], **action: object) -> list[dict[str, object]]:

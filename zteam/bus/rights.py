@@ -10,7 +10,7 @@ from typing import NamedTuple
 import zenoh
 
 from zteam.bus.options import ROUTER_ANSWER, BusOptions, client_config, open_session
-from zteam.bus.transport import Transport, let_end
+from zteam.bus.transport import Transport, let_end, zenoh_text
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError
 from zteam.names import ANSWERS, checked_key, right_key
@@ -140,7 +140,7 @@ class RightCheck:
                         return left
                     pause(_SEEN_PERIOD)
         except zenoh.ZError as error:
-            log.debug("token: %s", error)
+            log.debug("token: %s", zenoh_text(error))
         finally:
             held.close()
         return []

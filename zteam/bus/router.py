@@ -27,7 +27,7 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.transport import decode_json, first_line
+from zteam.bus.transport import decode_json, zenoh_text
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, DecodeError, UsageError
 from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
@@ -172,7 +172,7 @@ class Router:
                 raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
-            raise BusError(f"cannot listen at {places}: {first_line(error)}") from None
+            raise BusError(f"cannot listen at {places}: {zenoh_text(error)}") from None
         with self._changed:
             # The ends of the last session's links may be told later.
             self._links = links = LinkCount()

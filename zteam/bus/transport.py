@@ -1,6 +1,7 @@
 """What the typed bus needs of whatever carries its messages: Zenoh, or the memory of one process."""
 
 import logging
+import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -10,7 +11,7 @@ import msgspec
 import zenoh
 
 from zteam.clock import Sent
-from zteam.errors import BusError, DecodeError, ZteamError
+from zteam.errors import BusError, DecodeError, KeyExpressionError, ZteamError
 
 if TYPE_CHECKING:
     # The router needs neither messages nor numpy, and starts twice as fast without them.
@@ -53,17 +54,40 @@ def decode_json(payload: bytes, kind: type[T]) -> T:
         raise DecodeError("it is nested too deeply") from None
 
 
-def first_line(error: zenoh.ZError) -> str:
-    """What an error of Zenoh says, without the place in Zenoh's source."""
-    return (str(error).splitlines() or ["unknown"])[0].partition(" at /")[0]
+_SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
+_SYNTAX = re.compile(r"--> (?P<line>\d+):(?P<column>\d+) .* = (?P<text>.*)")
+_MESSAGE = re.compile(
+    r"\b(?:msg|message): (?P<text>\"(?:[^\"\\]|\\.)*\")(?:.*line: (?P<line>\d+), column: (?P<column>\d+))?"
+)
+
+
+def zenoh_text(error: zenoh.ZError) -> str:
+    """What an error of Zenoh says, on one line: without places in Zenoh's source, with the place in a file that it has
+    read, if it names one."""
+    text = " ".join(_SOURCE.sub("", str(error)).split())
+    found = _SYNTAX.search(text) or _MESSAGE.search(text)
+    if found is None:
+        return text
+    told = found["text"].strip('"').replace('\\"', '"')
+    return f"line {found['line']}, column {found['column']}: {told}" if found["line"] else told
 
 
 def problem_of(key: str) -> str:
-    """What is wrong with a key expression; empty if nothing is."""
+    """What is wrong with a key expression, and the one that is meant; empty if nothing is wrong."""
+    problem = _fault_of(key)
+    if not problem:
+        return ""
+    # Each robot is a part of its own, and users of ROS begin a topic with a slash.
+    meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
+    hint = f": write {meant!r}" if meant and not _fault_of(meant) else ""
+    return f"{key!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}"
+
+
+def _fault_of(key: str) -> str:
     try:
         zenoh.KeyExpr(key)
     except zenoh.ZError as error:
-        return first_line(error)
+        return zenoh_text(error)
     return ""
 
 
@@ -74,9 +98,10 @@ def matches(key_expr: str, other: str) -> bool:
 
 def check_use(action: str, key: str, closed: bool) -> None:
     """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
-    problem = "the session is closed" if closed else problem_of(key)
-    if problem:
-        raise BusError(f"cannot {action} {key}: {problem}")
+    if closed:
+        raise BusError(f"cannot {action} {key}: the session is closed")
+    if problem := problem_of(key):
+        raise KeyExpressionError(problem)
 
 
 def call(handler: Callable[..., object], *event: object) -> None:

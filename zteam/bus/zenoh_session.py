@@ -32,8 +32,8 @@ from zteam.bus.transport import (
     Transport,
     call,
     check_use,
-    first_line,
     let_end,
+    zenoh_text,
 )
 from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
@@ -150,7 +150,7 @@ def _undeclare(entity: Any) -> None:
             entity.undeclare()
             return
         except zenoh.ZError as error:
-            log.debug("undeclare: %s", error)
+            log.debug("undeclare: %s", zenoh_text(error))
             return
         except RuntimeError:
             # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
@@ -220,7 +220,7 @@ class ZenohPublisher(Handle):
         try:
             entity.put(payload, timestamp=self._stamp())
         except zenoh.ZError as error:
-            log.debug("put: the message is dropped: %s", error)
+            log.debug("put: the message is dropped: %s", zenoh_text(error))
         except RuntimeError:
             # "Already mutably borrowed": another thread closes it just now.
             if self._entity is not None:
@@ -254,7 +254,7 @@ class TokenWatch(Handle):
             replies = self._session.liveliness().get(self._key_expr, timeout=ROUTER_ANSWER)
             there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         except zenoh.ZError as error:
-            log.debug("tokens: %s", error)
+            log.debug("tokens: %s", zenoh_text(error))
             return
         # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
         if not there & self._alive or monotonic() - begin >= ROUTER_ANSWER:
@@ -275,7 +275,7 @@ def _reply(query: zenoh.Query, reply: Reply) -> None:
                 query.reply(reply.key, reply.payload)
     except zenoh.ZError as error:
         # The session was closed meanwhile: the asker sees its queries end.
-        log.debug("reply: %s", error)
+        log.debug("reply: %s", zenoh_text(error))
 
 
 class ZenohTransport(Transport):
@@ -314,7 +314,7 @@ class ZenohTransport(Transport):
             return declare()
         except zenoh.ZError as error:
             # Closed since the check.
-            raise BusError(f"cannot {action} {key}: {first_line(error)}") from None
+            raise BusError(f"cannot {action} {key}: {zenoh_text(error)}") from None
 
     def _keep_id(self, key_expr: str) -> None:
         """Call this before a publisher, subscriber or queryable is declared.
@@ -393,7 +393,7 @@ class ZenohTransport(Transport):
             )
         except zenoh.ZError as error:
             # Closed meanwhile.
-            log.debug("latched: %s", error)
+            log.debug("latched: %s", zenoh_text(error))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:

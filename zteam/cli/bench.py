@@ -28,11 +28,11 @@ from zteam.config.simulation_options import PHYSICS, Options
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.errors import UsageError, ZteamError
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages import Twist, Vector3
 from zteam.node.output import print_block, print_json
 from zteam.simulator.world import Ranger, Robot, World, add_robot, load_world
-from zteam.simulator.world.placing import REACH, find_bounds, find_hindrance
+from zteam.simulator.world.placing import find_bounds, find_hindrance
 
 if TYPE_CHECKING:
     from zteam.team.run.report import RunReport
@@ -249,7 +249,7 @@ def on_circle(centre: Pose2, radius: float, turn: float) -> Pose2:
 
 def _draw_pose(world: World, seed: int, draw: int) -> Pose2:
     """A pose within the world's bounds, which depends only on the seed and the number of the draw."""
-    (left, bottom), (right, top) = find_bounds(world) or ([-REACH, -REACH], [REACH, REACH])
+    (left, bottom), (right, top) = find_bounds(world) or ([-FAR, -FAR], [FAR, FAR])
     x, y, yaw = (uniform(seed, draw, 0, axis) for axis in (1, 2, 3))
     return Pose2(float(left + (right - left) * x), float(bottom + (top - bottom) * y), math.tau * yaw)
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import msgspec
 
+from zteam.bus.options import check_namespace
 from zteam.cli.options import Parser, add_log_options, add_option, add_repeated, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, did_you_mean
-from zteam.names import strip_slash
 from zteam.node.kinds import ROUTER
 from zteam.node.output import print_block, print_json, print_line
 from zteam.team.security.access import explain
@@ -80,7 +80,7 @@ def _init(args: argparse.Namespace) -> None:
     with open_authority(args.folder, make=True) as authority:
         if not authority.has_key:
             print_line(f"{args.folder / CA}: a new authority, valid until {authority.make():%Y-%m-%d}")
-        authority.take_team(args.team, rights, strip_slash(args.namespace or ""))
+        authority.take_team(args.team, rights, check_namespace(args.namespace or "", "--namespace"))
         _issue_missing(authority, [ROUTER], args.host, args.days)
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
 

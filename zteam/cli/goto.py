@@ -38,6 +38,8 @@ def build_parser() -> Parser:
     parser.add_argument("robot", metavar="ID", help="robot id")
     text = "in map: metres, metres, radians (default: 0)"
     parser.add_argument("pose", nargs="*", default=[], metavar="X Y [YAW]", help=text)
+    text = "the frame of X Y YAW: map (default), base_link, odom or any other of the tree"
+    parser.add_argument("--frame", default=names.MAP_FRAME, help=text)
     parser.add_argument("--cancel", action="store_true", help="give the robot's goal up instead: it stops")
     parser.add_argument("--no-wait", action="store_true", help="end with 0 once the goal is sent")
     text = "cancel the goal if it is not reached within so many host seconds"
@@ -80,7 +82,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     bus.check_right(names.robot_key(args.robot, names.GOAL_POSE))
     clock = open_clock(bus, args.clock)
     client = NavigationClient(bus, args.robot, clock.now)
-    begin, watch = clock.steady(), client.send(goal_message(args.pose))
+    begin, watch = clock.steady(), client.send(goal_message(args.pose, args.frame))
     with ProgressLine() as progress:
         try:
             _follow(args, client, clock, progress)

@@ -43,9 +43,7 @@ def check_key(text: str) -> str:
     """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
     key = strip_slash(text)
     if problem := problem_of(key):
-        meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
-        hint = f": write {meant!r}" if meant and not problem_of(meant) else ""
-        raise UsageError(f"{text!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}")
+        raise UsageError(problem)
     return key
 
 
@@ -118,6 +116,10 @@ def silence(bus: Bus, key: str) -> str:
     """Why no message may have come on `key`: its publishers, or the published keys that are near."""
     graph = find_graph(bus)
     if publishers := graph.publishers(key):
-        return f"{key} is published by {', '.join(publishers)}, but nothing has come yet"
+        from zteam.simulator.client import find_status
+
+        status = find_status(bus, SURVEY)
+        still = ": the world is paused ('zteam sim resume')" if status is not None and status.paused else ""
+        return f"{key} is published by {', '.join(publishers)}, but nothing has come yet{still}"
     published = [other for other in graph.known_keys() if graph.publishers(other)]
     return f"nothing publishes {key}{where_to_look(key, published)}"

@@ -26,7 +26,7 @@ COMMANDS = {
     "new": ("new", "behavior | node: write a working example and its test"),
     "node": ("node", "list: list the processes that are alive"),
     "log": ("log", "print the logs of all processes in order of time, and follow them"),
-    "world": ("world", "check | show | scan: check and draw world files, and scan in them"),
+    "world": ("world", "check | show | scan | new: check, draw, scan and make world files"),
     "chaos": ("chaos", "kill | pause | cut | slow a process, and see the team recover"),
     "certs": ("certs", "init | issue | list | renew | revoke | explain: certificates"),
     "doctor": ("doctor", "diagnose problems and print the next step for each"),

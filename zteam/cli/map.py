@@ -57,7 +57,7 @@ def _save(args: argparse.Namespace) -> None:
             wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
         except ZteamError as error:
             raise ZteamError(f"{error}; start zteam-sim WORLD or zteam-map MAP.yaml") from None
-    grid = map_grid(found[-1])
+    grid = map_grid(found[-1], any_frame=key != names.MAP)
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)

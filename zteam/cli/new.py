@@ -5,6 +5,7 @@ import keyword
 import re
 import string
 import sys
+from collections.abc import Mapping
 from functools import partial
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -59,21 +60,27 @@ def _run(args: argparse.Namespace) -> None:
     texts = {f"{prefix}{name}.py": (TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8") for prefix in ("", "test_")}
     try:
         _check_name(word, name, words["kind"], texts[f"{name}.py"])
-        for path in map(Path, texts):
-            if path.exists() or path.is_symlink():
-                raise UsageError(f"{path} exists already; choose another name, or remove the file")
-        for path, text in zip(map(Path, texts), texts.values(), strict=True):
-            # Never over a file that has just come.
-            with path.open("x", encoding="utf-8") as file:
-                file.write(_fill(text, words))
+        write_files({Path(file): fill(text, words) for file, text in texts.items()})
     except OSError as error:
         raise ZteamError(f"cannot write {error.filename or name}: {error.strerror or error}") from None
     print_block(f"wrote {printable(' and '.join(texts))}\n")
-    rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
+    rows = [(fill(command, words), text) for command, text in KINDS[word][1]]
     print_block(format_table(("next", "does"), rows))
 
 
-def _fill(template: str, words: dict[str, str]) -> str:
+def write_files(texts: Mapping[Path, str], *, overwrite: bool = False) -> None:
+    """Write these files, or none if one of them exists. Raises UsageError for that, and OSError."""
+    for path in () if overwrite else texts:
+        if path.exists() or path.is_symlink():
+            raise UsageError(f"{path} exists already; choose another name, or remove the file")
+    for path, text in texts.items():
+        # Never over a file that has just come.
+        with path.open("w" if overwrite else "x", encoding="utf-8") as file:
+            file.write(text)
+
+
+def fill(template: str, words: Mapping[str, object]) -> str:
+    """A template of this folder with these words in it."""
     return string.Template(template).substitute(words)
 
 

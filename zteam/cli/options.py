@@ -11,12 +11,11 @@ from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 import msgspec
 
 from zteam.bus import BusOptions
-from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
+from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint, check_namespace
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.other_words import commands_called
 from zteam.config.numbers import N, parse_number
 from zteam.errors import UsageError, ZteamError, did_you_mean
-from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
 from zteam.node.leaving import show_name
 from zteam.node.logs import LEVELS, start_logging
@@ -277,9 +276,7 @@ def checked(args: argparse.Namespace, parse: Callable[[], T]) -> T:
 
 def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
     """The connection options of a parsed command line; `small` as in BusOptions."""
-    namespace = strip_slash(args.namespace) if args.namespace else None
-    if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
-        raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
+    namespace = check_namespace(args.namespace or "", "--namespace") or None
     # An empty value overrides the environment.
     connect, config = args.connect or None, args.config or None
     environment = BusOptions.from_environment()

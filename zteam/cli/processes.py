@@ -1,6 +1,7 @@
 """The commands of a team's processes, such as `zteam-sim`: each makes the options of its kind from a command line."""
 
 import argparse
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -34,7 +35,7 @@ from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.config.simulation_options import LockStepOptions, Options, SimOptions
 from zteam.config.toml_values import parse_value
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages.base import BaseOverride
 from zteam.node.process_options import (
     DEFAULT_FOXGLOVE_PORT,
@@ -72,7 +73,7 @@ def _load_team(args: argparse.Namespace) -> "Team | None":
 def _add_simulator(parser: Parser) -> None:
     """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
-    add_options(parser, SimOptions, "seed", "map_resolution", "has_map")
+    add_options(parser, SimOptions, "seed", "has_map")
     robots = parser.add_argument_group("robots")
     text = "add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57"
     add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text, type=option_type(_parse_addition))
@@ -83,7 +84,7 @@ def _add_simulator(parser: Parser) -> None:
     add_options(time, SimOptions, "run_for", "until", "speed", "paused")
     time.add_argument("--lockstep", action="store_true", help="begin a tick when every participant has answered")
     add_options(time, LockStepOptions)
-    add_options(parser.add_argument_group("contacts and sensors (docs/simulator.md)"), Options)
+    add_options(parser.add_argument_group("contacts, sensors and the map (docs/simulator.md)"), Options)
 
 
 def _simulation_options(args: argparse.Namespace) -> Options:
@@ -106,14 +107,11 @@ def _parse_gap(text: str) -> tuple[int, int]:
 
 def _parse_addition(text: str) -> tuple[int, str, Pose2]:
     """(id, model, pose in `map`) of ID:MODEL:X:Y:YAW."""
-    # No other process pays for this import.
-    from zteam.simulator.client import MAX_PLACE
-
     try:
         robot_id, model, x, y, yaw = text.split(":")
     except ValueError:
         raise UsageError(f"{text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
-    pose = Pose2(*(parse_number(word, -MAX_PLACE, MAX_PLACE, "metres and radians") for word in (x, y, yaw)))
+    pose = Pose2(*(parse_number(word, -FAR, FAR, "metres and radians") for word in (x, y, yaw)))
     return names.parse_robot_id(robot_id), model, pose
 
 
@@ -302,7 +300,8 @@ def _add_view(parser: Parser) -> None:
 
 
 def _view_options(args: argparse.Namespace) -> ViewOptions:
-    return read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
+    options = read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
+    return msgspec.structs.replace(options, browser=options.browser and sys.stdout.isatty())
 
 
 _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace], Read]]] = {

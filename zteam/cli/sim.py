@@ -13,10 +13,10 @@ from zteam.clock import to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError, printable
-from zteam.geometry import turn_problem
+from zteam.geometry import FAR, turn_problem
 from zteam.node.live_line import ProgressLine
 from zteam.node.output import print_block, print_json
-from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
+from zteam.simulator.client import MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
 
 def build_parser() -> Parser:
@@ -65,9 +65,9 @@ def _answer(args: argparse.Namespace) -> None:
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     """(x, y, yaw) of the words X Y YAW: metres and radians. Raises UsageError."""
     try:
-        x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "a number") for word in words)
+        x, y, yaw = (parse_number(word, -FAR, FAR, "a number") for word in words)
     except UsageError:
-        pose, bounds = " ".join(word.strip() for word in words), f"from {-MAX_PLACE:g} to {MAX_PLACE:g}"
+        pose, bounds = " ".join(word.strip() for word in words), f"from {-FAR:g} to {FAR:g}"
         raise UsageError(f"pose {pose!r}: give X Y YAW in metres and radians {bounds}") from None
     if problem := turn_problem(yaw):
         raise UsageError(f"YAW {problem}")

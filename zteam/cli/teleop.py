@@ -42,6 +42,8 @@ def build_parser() -> Parser:
     bounds = (MIN_SPEED, MAX_SPEED, "a speed")
     add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
     add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
+    text = "let a key count so long after each press and repeat (default: 0.75 after a first press, 0.3 after a repeat)"
+    add_option(parser, "--key-timeout", typed=(0.1, 10.0, "seconds"), metavar="SECONDS", help=text)
     text = "press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     parser.add_argument("--script", metavar="KEYS", help=text)
     add_clock_option(parser)
@@ -54,12 +56,14 @@ def _read(args: argparse.Namespace) -> None:
     args.ids = parse_robot_ids(args.ids, "--id")
     if args.script is not None:
         args.script = parse_script(args.script)
+        if args.key_timeout is not None:
+            raise UsageError("--key-timeout is for a keyboard: leave it out with --script")
     elif not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise UsageError("standard input and output are no terminal: give the keys with --script 'i*10 l*5 k'")
 
 
 def _teleop(args: argparse.Namespace) -> int:
-    pilot, stop = Pilot(args.ids, args.speed, args.turn), Stop()
+    pilot, stop = Pilot(args.ids, args.speed, args.turn, args.key_timeout), Stop()
     with stop.install(), ExitStack() as ends:
         try:
             bus = connect(bus_options(args), patience=PATIENCE, stopping=stop)

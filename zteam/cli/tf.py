@@ -213,7 +213,7 @@ def _show_positions(args: argparse.Namespace) -> None:
         pause(SURVEY)
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
-            found = _find_positions(listener.buffer)
+            found = _find_positions(listener.buffer) or _find_positions(_ask_bases(bus))
             if args.json:
                 print_json(found)
             elif found:
@@ -223,6 +223,16 @@ def _show_positions(args: argparse.Namespace) -> None:
             if wait is None:
                 return
             wait()
+
+
+def _ask_bases(bus: Bus) -> Buffer:
+    """The newest poses of all robots, from the aggregator: nothing new comes while the world stands still."""
+    buffer, client = Buffer(), TransformClient(bus)
+    for child in find_frames(bus) or ():
+        if names.is_robot_frame(child, names.BASE_FOOTPRINT):
+            with suppress(TransformException, BusError):
+                buffer.set_transforms([client.lookup_transform(names.MAP_FRAME, child)], names.TF, 0)
+    return buffer
 
 
 def _find_positions(buffer: Buffer) -> list[dict[str, Any]]:

@@ -28,7 +28,7 @@ from zteam.cli.options import (
 )
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
-from zteam.config.simulation_options import LockStepOptions, SimOptions
+from zteam.config.simulation_options import LockStepOptions, Options, SimOptions
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
 from zteam.node.output import print_block
@@ -95,7 +95,8 @@ def build_parser() -> Parser:
         "until": "end before this tick of the simulator",
     }
     add_options(parser, SimOptions, "speed", **texts)
-    parser.set_defaults(seed=None)
+    add_options(parser, Options, map_resolution="cell size of the simulator's map, metres (default: the team file's)")
+    parser.set_defaults(seed=None, map_resolution=None)
     text = (
         "give each process a certificate of this folder, by default certs, and let nothing else in (docs/security.md)"
     )
@@ -176,7 +177,7 @@ def _up(args: argparse.Namespace) -> int:
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.node.process_options import ViewOptions
-    from zteam.team.file.reading import read_team_file
+    from zteam.team.file.reading import read_team_file, set_map_resolution
     from zteam.team.file.sources import parse_arguments
     from zteam.team.launch.check import check_team, refuse_nodes
     from zteam.team.launch.plan import Pace, TeamLaunch
@@ -185,6 +186,11 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     if args.report:
         check_writable(Path(args.report))
     file = read_team_file(find_team(args.team), parse_arguments(args.arguments))
+    set_map_resolution(file, args.map_resolution)
+    for name in {argument.name for argument in file.arguments} & {"speed", "seed", "world"}:
+        if getattr(args, name) is not None and not any(word.startswith(f"{name}=") for word in args.arguments):
+            text = "--%s is an option of zteam up; the team's argument of this name has no dashes: %s=%s"
+            log.info(text, name, name, getattr(args, name))
     world = check_team(file, find_world(args.world) if args.world else None)
     if args.in_process and not args.bus:
         refuse_nodes(file, "say --bus too, or leave --in-process out")
@@ -197,7 +203,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None
     if args.view:
-        view = msgspec.structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)
+        # A script or a test reads the address, and wants no window.
+        browser = not args.no_browser and sys.stdout.isatty()
+        view = msgspec.structs.replace(ViewOptions.from_environment(), browser=browser, name=VIEW)
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch

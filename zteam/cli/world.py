@@ -1,26 +1,32 @@
-"""`zteam world check | show | scan FILE`: check and draw a world file, print a robot's scans in it."""
+"""`zteam world check | show | scan | new FILE`: check and draw a world file, print a robot's scans in it; make one of a
+picture."""
 
 import argparse
 import math
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from zteam.cli.options import Parser, add_log_options, add_option, run_tool
+from zteam.config.foreign_files import PICTURE_FILE, refuse_foreign
+from zteam.config.map_files import MAX_RESOLUTION
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
-from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.config.simulation_options import Options
+from zteam.errors import UsageError, ZteamError
+from zteam.geometry import FAR, Pose2
 from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.node.output import print_json, print_line
 from zteam.simulator.world import Robot, World, load_world
+from zteam.simulator.world.builder import ERRATIC
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
-from zteam.simulator.world.placing import find_misplaced
+from zteam.simulator.world.placing import MAX_MAP_CELLS, find_misplaced, find_places
 
 if TYPE_CHECKING:
     from zteam.simulator.core import RobotObservation
@@ -37,20 +43,65 @@ def build_parser() -> Parser:
     scan = parser.add_verb("scan", _scan, "print what the lasers of one robot measure")
     robot, text = (0, MAX_ROBOT_ID, "a robot id"), "robot id: its place in the file"
     add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
-    pose, text = (-1e6, 1e6, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
+    pose, text = (-FAR, FAR, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
     add_option(scan, "--pose", typed=pose, nargs=3, metavar=("X", "Y", "YAW_DEG"), help=text)
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
         add_log_options(sub, "warning")
+    new = parser.add_verb("new", _new, "make a world file and a team file of a picture of a plan", add_log_options)
+    new.add_argument("picture", type=Path, metavar="PICTURE", help="PNG, PGM, BMP, JPEG or GIF: dark pixels are walls")
+    metres, number = (1e-6, MAX_RESOLUTION, "metres a pixel"), (1, MAX_ROBOT_ID + 1, "a number")
+    add_option(new, "--resolution", typed=metres, required=True, metavar="METRES", help="of a pixel, such as 0.05")
+    add_option(new, "--robots", typed=number, default=4, metavar="N", help="robots in its free room (default: 4)")
+    new.add_argument("-o", "--output", type=Path, metavar="FILE.world", help="default: beside the picture, as its name")
+    new.add_argument("--force", action="store_true", help="overwrite files")
     for sub in (check, scan):
         sub.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
 
 def _run(args: argparse.Namespace) -> int:
+    if args.verb == "new":
+        return _new(args)
     code: int = args.act(args, load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps))
     return code
+
+
+def _new(args: argparse.Namespace) -> int:
+    """Write a world of the whole picture with robots in it, and a team of them that wanders."""
+    from zteam.cli.new import TEMPLATES, fill, write_files
+    from zteam.simulator.world.bodies import read_bitmap
+
+    picture, metres, robots = args.picture, args.resolution, args.robots
+    chosen = args.output or picture
+    files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
+    name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
+    if not name.isprintable() or set(name + chosen.stem) & set('"\\'):
+        raise UsageError(f"{picture}: a world file cannot hold a name with a quote: give it another one")
+    refuse_foreign(picture, "a picture", UsageError, PICTURE_FILE)
+    occupied = read_bitmap(picture)
+    height, width = (round(count * metres, 9) for count in occupied.shape)
+    places = find_places(occupied, metres, robots)
+    if len(places) < robots:
+        text = (
+            f"{picture}: {width:g} x {height:g} m with dark walls, and free room for {len(places)} of {robots} robots"
+        )
+        raise UsageError(f"{text}: give another --resolution, or fewer --robots")
+    cell = max(Options().map_resolution, float(f"{1.05 * math.sqrt(width * height / MAX_MAP_CELLS):.2g}"))
+    words = {
+        "picture": name, "metres": f"{metres:g}", "width": width, "height": height, "x": width / 2, "y": height / 2,
+        "erratic": ERRATIC, "robots": "\n".join(f"erratic ( pose [{x!r} {y!r} 0 0] )" for x, y in places),
+        "world": files[0].name, "last": robots - 1, "cell": cell,
+    }  # fmt: skip
+    texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
+    try:
+        write_files(texts, overwrite=args.force)
+    except OSError as error:
+        raise ZteamError(f"cannot write {error.filename or chosen}: {error.strerror or error}") from None
+    print_line(f"wrote {' and '.join(map(str, files))}: {width:g} x {height:g} m, {counted(robots, 'robot')}")
+    print_line(f"next: zteam up {quote(str(files[1]))} --view")
+    return 0
 
 
 def _check(args: argparse.Namespace, world: World) -> None:
@@ -62,6 +113,9 @@ def _check(args: argparse.Namespace, world: World) -> None:
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
         _print_row("floor plan", plan["name"], f"{columns} x {rows} cells, {w:g} x {h:g} m")
+        if plan["picture"] != plan["cells"]:
+            text = 'cropped from {} x {} pixels (bitmap_reading "whole" keeps the margins)'
+            _print_row("", "", text.format(*plan["picture"]))
     for obstacle in summary["obstacles"]:
         kind = "obstacle" if obstacle["mass"] is None else "pushable"
         _print_row(kind, obstacle["name"], f"at {_place(obstacle)}, {counted(obstacle['shapes'], 'shape')}")
@@ -103,6 +157,7 @@ def _summary(world: World) -> dict[str, Any]:
             {
                 "name": plan.name,
                 "cells": list(plan.occupied.shape[::-1]),
+                "picture": list(plan.picture[::-1]),
                 "cell": list(plan.cell),
                 "extent": [n * c for n, c in zip(plan.occupied.shape[::-1], plan.cell, strict=True)],
             }

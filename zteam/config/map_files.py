@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.foreign_files import MAP_FILE, refuse_foreign
 from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
@@ -33,8 +34,10 @@ Mode = Literal["trinary", "scale", "raw"]
 Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 
 
-def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
-    """(rows, columns, channels), 0 to 255, the uppermost row first: grey or colours; with `alpha` also that, if any.
+def read_channels(path: Path) -> NDArray[Any]:
+    """(rows, columns, channels), 0 to 255, the uppermost row first: grey or colours, then alpha if the picture has it.
+
+    The values of 16-bit pictures are fractions.
 
     Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
     """
@@ -49,22 +52,20 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
             with Image.open(path, formats=_FORMATS) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise Image.DecompressionBombError
-                return _channels(image, alpha)
+                return _channels(image)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused") from None
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 
 
-def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
+def _channels(image: "Picture") -> NDArray[Any]:
     if image.mode.startswith("I"):  # 16 bits a sample
-        return (np.asarray(image) >> 8)[:, :, None]
-    if alpha and image.mode not in _BYTE_MODES and "transparency" in image.info:
+        return (np.asarray(image) / 257.0)[:, :, None]
+    if image.mode not in ("LA", "RGBA") and image.has_transparency_data:
         image = image.convert("RGBA")
     values = np.asarray(image if image.mode in _BYTE_MODES else image.convert("RGB"))
-    if values.ndim == 2:
-        return values[:, :, None]
-    return values if alpha else values[:, :, : 1 if image.mode == "LA" else 3]
+    return values[:, :, None] if values.ndim == 2 else values
 
 
 class MapFile(msgspec.Struct, frozen=True):
@@ -120,7 +121,7 @@ def is_floor_map(path: Path) -> bool:
 def read_floor_map(path: Path) -> FloorMap:
     """The map that a YAML file describes. Raises WorldError that names file and key."""
     file = read_map_file(path)
-    cells = interpret(read_channels(path.parent / file.image, alpha=True), file)
+    cells = interpret(read_channels(path.parent / file.image), file)
     # A raw picture has the occupancy in percent.
     occupied = cells > 100.0 * file.occupied_thresh if file.mode == "raw" else cells == OCCUPIED
     found = FloorMap(cells, occupied, file.resolution, file.origin)
@@ -131,10 +132,13 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
+    refuse_foreign(path, "a map of map_server", WorldError, MAP_FILE)
     fields = read_yaml(path, "map", MAX_BYTES, WorldError)
     if isinstance(fields, dict):
         # YAML 1.1 reads `on` and 1 as other keys than texts.
         fields = {key: value for key, value in fields.items() if isinstance(key, str)}
+        if isinstance(mode := fields.get("mode"), str):
+            fields["mode"] = mode.lower()
     # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
     for problem in problems_of(fields, MapFile, strict=False):
         raise WorldError(f"{path}: {problem}")

@@ -11,10 +11,14 @@ import msgspec
 from zteam.errors import UsageError
 
 N = TypeVar("N", int, float)
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-Count = Annotated[int, msgspec.Meta(ge=1)]
 MAX_SECONDS = 1e9
 """Thirty years: longer than any run, and within the range of 64-bit nanoseconds and of time-outs."""
+Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1000.0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
+"""In SI units: what a robot and its surroundings have."""
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
+Count = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
 
 
 def shown(text: str) -> str:

@@ -1,9 +1,11 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
 import os
+import re
 from pathlib import Path
 from typing import Any, NoReturn
 
+from zteam.config.foreign_files import refuse_foreign
 from zteam.errors import UsageError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -33,12 +35,17 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
+def from_home(text: str) -> str:
+    """A text that begins with `~/`, which no shell has expanded, as a path of the user's folder; others as they are."""
+    return os.path.expanduser(text) if text.startswith("~/") else text  # noqa: PTH111
+
+
 def find_world(text: str | Path, folder: Path = Path()) -> Path:
     """The world file that a user names: a path from `folder`, else a shipped world.
 
     Raises UsageError with the shipped names.
     """
-    text = str(text)
+    text = from_home(str(text))
     found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
         raise UsageError(f"world {text!r}: that is a team; say 'zteam up {text}'")
@@ -50,7 +57,8 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
 
     Raises UsageError with the shipped names.
     """
-    text = str(text)
+    text = from_home(str(text))
+    refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
@@ -84,12 +92,25 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> byte
     return data
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def load_yaml(text: str | bytes) -> Any:
+    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
+
+    Raises yaml.YAMLError, ValueError and RecursionError.
+    """
     import yaml  # slow to import
 
+    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    number = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    return yaml.load(text, loader)
+
+
+def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
+    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+    import yaml
+
     try:
-        return yaml.safe_load(read_file(path, what, most, error))
+        return load_yaml(read_file(path, what, most, error))
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
         raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
 

@@ -14,6 +14,8 @@ from zteam.geometry import Pose2
 
 PHYSICS = ("dynamic", "stage", "kinematic")
 """Values of `Options.physics`."""
+CELLS = 1e-4, 1e4
+"""Metres of a cell of the published map, the least and the most."""
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 
@@ -44,6 +46,9 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         2.0
     )
     dazzle_probability: Annotated[float, option("share of dazzled scans", "P", type=float)] = 1.0
+    map_resolution: Annotated[
+        float, option("cell size of the published map, metres", "M", typed=(*CELLS, "metres a cell"))
+    ] = 0.05
 
     def __post_init__(self) -> None:
         for name, values, high in (
@@ -56,6 +61,9 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             for value in values:
                 if not 0.0 <= value <= high:
                     raise KeyValueError(name, f"must be from 0 to {high:g}, not {value:g}")
+        if not CELLS[0] <= self.map_resolution <= CELLS[1]:
+            text = "must be from {:g} to {:g} metres a cell, not {:g}".format(*CELLS, self.map_resolution)
+            raise KeyValueError("map_resolution", text)
 
 
 class LockStepOptions(msgspec.Struct, frozen=True):
@@ -84,9 +92,6 @@ class SimOptions(msgspec.Struct, frozen=True):
 
     world: Path
     seed: Seed = 1
-    map_resolution: Annotated[
-        float, option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell"))
-    ] = 0.05
     has_map: Annotated[bool, option("publish no map: zteam-map serves another one", flag="no-map")] = True
     added: tuple[tuple[int, str, Pose2], ...] = ()
     """Further robots: id, model, pose in `map`."""

@@ -98,6 +98,12 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
             start, depth = token.end(), 0
 
 
+def open_quote(text: str) -> int | None:
+    """The line, from 1, of the first quote that is never closed; None if there is none."""
+    found = next((token for token in _TOKEN.finditer(text) if token.lastgroup == "unclosed"), None)
+    return None if found is None else 1 + text.count("\n", 0, found.start())
+
+
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int | None:
     """The line of `path`, or of its nearest parent that the text has; None if the text has none."""
     while path and path not in lines:

@@ -4,6 +4,8 @@ It takes the system's C compiler (`cc`, or what CC names) where that works. Else
 `CC=aarch64-linux-gnu-gcc python zteam/kernels/build.py OUT [FLAG …]` compiles the library alone, for any system.
 """
 
+from __future__ import annotations  # An older Python can import it: then pip says which one zteam needs.
+
 import hashlib
 import os
 import shlex

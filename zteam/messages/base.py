@@ -22,30 +22,34 @@ _LEAST_AREA = 5e-7
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+Speed = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 
 
 class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """The table `base` of a robot in a team file, and `zteam-robot --base`: what holds instead of `base_info`.
 
     Names and units are those of `Base`; None leaves a value as `base_info` tells it. Raises ValueError for an outline
-    that no base can have.
+    that no base can have, and for a limit that is next to nothing.
     """
 
     footprint: Annotated[tuple[Point2, ...], msgspec.Meta(min_length=3, max_length=1000)] | None = None
-    max_vel_x: Positive | None = None
-    min_vel_x: Annotated[float, msgspec.Meta(le=0.0)] | None = None
-    max_vel_theta: Positive | None = None
+    max_vel_x: Speed | None = None
+    min_vel_x: Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)] | None = None
+    max_vel_theta: Speed | None = None
     acc_lim_x: Positive | None = None
     decel_lim_x: Negative | None = None
     acc_lim_theta: Positive | None = None
-    max_vel_y: Positive | None = None
+    max_vel_y: Speed | None = None
     acc_lim_y: Positive | None = None
     decel_lim_reverse: Positive | None = None
-    wheelbase: Positive | None = None
+    wheelbase: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_EXTENT)] | None = None
 
     def __post_init__(self) -> None:
         if self.footprint is not None and not _is_outline(self.footprint):
             raise KeyValueError("footprint", f"must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
+        for name in LIMITS:
+            if 0.0 < abs(getattr(self, name) or 0.0) < _LEAST:
+                raise KeyValueError(name, f"must be {_LEAST:g} or more, not {getattr(self, name):g}")
 
 
 LIMITS = tuple(name for name in BaseOverride.__struct_fields__ if name != "footprint")
@@ -107,7 +111,7 @@ def base_of(message: BaseInfo) -> Base:
         told["footprint"] = footprint
     for name in LIMITS:
         value = getattr(message, name)
-        if not (0.0 < abs(value) < _LEAST or problems_of({name: value}, BaseOverride)):
+        if not problems_of({name: value}, BaseOverride):
             told[name] = value
     return Base(**told)
 

@@ -2,12 +2,14 @@
 
 import contextlib
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
+from zteam.config.resources import load_yaml
 from zteam.errors import UsageError
 from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
@@ -19,6 +21,7 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
     (Header, "auto"): Header,
 }
 """The words for the time, by the type in whose place they stand, and what they become."""
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 _MAX_FLOAT32 = float(np.finfo(np.float32).max)
 
 
@@ -72,7 +75,7 @@ def _read(kind: type[Message], text: str) -> Any:
     import yaml
 
     try:
-        return yaml.safe_load(text)
+        return load_yaml(text)
     except RecursionError:
         raise UsageError(f"{kind.__name__}: it is nested too deeply") from None
     except (yaml.YAMLError, ValueError) as error:
@@ -96,7 +99,12 @@ def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None
     unknown = [str(name) for name in plain if name not in fields]
     if unknown:
         raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(fields)}")
-    return kind(**{name: _value(fields[name], item, f"{where}.{name}", now) for name, item in plain.items()})
+    values = {name: _value(fields[name], item, f"{where}.{name}", now) for name, item in plain.items()}
+    for name, value in values.items() if kind.ros_type.startswith("geometry_msgs/") else ():
+        # A place or a velocity; a range may be inf or nan.
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise UsageError(f"{where}.{name}: expected a finite number, got {plain[name]!r}")
+    return kind(**values)
 
 
 def _by_name(kind: type[Message], values: list[Any], where: str) -> dict[str, Any]:
@@ -125,6 +133,9 @@ def _value(field: Field, item: Any, path: str, now: Now | None) -> Any:
 
 
 def _number(base: str, item: Any, path: str) -> Any:
+    if isinstance(item, str) and _EXPONENT.fullmatch(item):
+        # For YAML 1.1 it is a text without a point and a sign: 1.0e+1.
+        item = float(item)
     is_number = isinstance(item, int | float) and not isinstance(item, bool)
     if base == "bool":
         expected = "true or false"

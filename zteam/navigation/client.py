@@ -62,9 +62,9 @@ def find_robot_id(text: str) -> int:
     return names.parse_robot_id(text) if found is None else found
 
 
-def goal_message(pose: Pose2) -> PoseStamped:
-    """A planar pose (m, rad) in `map` as a message."""
-    return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
+def goal_message(pose: Pose2, frame: str = names.MAP_FRAME) -> PoseStamped:
+    """A planar pose (m, rad) in a frame as a message."""
+    return PoseStamped(Header(frame_id=frame), pose_message(pose))
 
 
 def goal_text(goal: PoseStamped) -> str:
@@ -170,8 +170,7 @@ class NavigationClient:
         if self.taker:
             return ""
         if self._holds(self._navigation):
-            silent = "it runs, but no tick of a simulator and no data of a base comes"
-            return f"the first status of {self._navigation}: {silent}"
+            return f"the first status of {self._navigation}, which runs: see 'zteam doctor'"
         runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
         return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
 

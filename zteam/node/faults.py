@@ -189,6 +189,12 @@ def fault_text(error: BaseException) -> str:
     return "".join(told.format()).rstrip()
 
 
+def place_in(stack: StackSummary) -> str:
+    """`file:line: ` of the innermost line in `stack` that is the user's own; empty without one."""
+    mine = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
+    return f"{mine[-1].filename}:{mine[-1].lineno}: " if mine else ""
+
+
 def shortage_text(error: BaseException) -> str:
     """One line for an error that says that the system gives the process no more of something; empty for others."""
     line = next((line for line in str(error).splitlines() if any(sign in line for sign in _SHORTAGES)), "")

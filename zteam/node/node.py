@@ -1,21 +1,26 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from itertools import count
+from traceback import extract_stack
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
-from zteam.bus.transport import Closeable, RawSample
+from zteam.bus.graph import find_graph, unpublished
+from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.errors import UsageError
-from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
+from zteam.errors import BusError, UsageError, check_call
+from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamState, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
-from zteam.node.faults import offer_stacks
+from zteam.node.faults import offer_stacks, place_in
+from zteam.node.kinds import kind_of
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
@@ -32,6 +37,8 @@ Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
 HEARTBEAT = 1.0
 """Host seconds between two heartbeats."""
+_SEARCH_AFTER = 5.0
+"""Host seconds without a message after which a node looks whether anything publishes it."""
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
 """What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
@@ -73,6 +80,7 @@ class UserStep:
         self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
         self._returned = Every(60.0)
         self._rate: Rate | None = None
+        """The moments of its steps. In lock-step the next tick takes the moment that has come."""
         self._is_due = False
         self._forget()
         node.on_time_reset(self._forget)
@@ -88,10 +96,13 @@ class UserStep:
         if not clock.decided or clock.now() == 0:
             node.wait(lambda: clock.now() > 0, 0.1)
         elif node.wait(lambda: node.pass_gate(node.lacking, go_epoch(node.team, clock.now())), 0.5):
-            period = to_ns(self._period)
+            self._is_due = node.wait_for_moment(self._moments(clock.steady()))
+
+    def _moments(self, now: int) -> Rate:
+        if self._rate is None:
             # The first moment is now.
-            self._rate = self._rate or Rate(period, clock.steady() - period)
-            self._is_due = node.wait_for_moment(self._rate)
+            self._rate = Rate(to_ns(self._period), now - to_ns(self._period))
+        return self._rate
 
     def take(self) -> int | None:
         """The time of the moment that has come."""
@@ -104,6 +115,13 @@ class UserStep:
             return None
         if due.tick is not None and due.now == self._held[0]:
             return self._held[1]
+        if due.tick is not None:
+            if due.tick.tick == 1:
+                # Simulated time begins, perhaps again.
+                self._rate = None
+            if self._moments(due.now).left(due.now):
+                return None
+            self._moments(due.now).take(due.now)
         # In lock-step the next tick waits for it.
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
         if command is not None and self._node.robot_id is not None:
@@ -122,9 +140,9 @@ class UserStep:
 class Node(ProcessNode):
     """One process on the bus under a name of its own.
 
-    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns. In lock-step that
-    is once a tick, when all inputs declared with `every_tick` have come for it; the world waits for it. Out
-    of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
+    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns, every `period`
+    seconds of simulated time, or of the host's time where there is no simulator. In lock-step each step is that of a
+    tick, when all inputs declared with `every_tick` have come for it; the world waits for it.
     """
 
     _act: Act
@@ -161,6 +179,11 @@ class Node(ProcessNode):
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
         """Whether `run` was called."""
+        self._unheard: set[str] = set()
+        """What it subscribes to and no message has come of, until it was found what publishes them."""
+        self._search = Every(_SEARCH_AFTER)
+        self._search.due()
+        self._searching: threading.Thread | None = None
         self.part = Participant(self)
         """Its part in lock-step."""
         bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
@@ -204,11 +227,15 @@ class Node(ProcessNode):
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
         waited for as well, which ends with the aggregator.
         """
+        what = f"subscribe({key_expr!r}, …): the callback takes the key and the message"
+        check_call(callback, 2, f"{what}, as 'def on_message(key, message): …'")
         if every_tick:
             self._inputs.declare(key_expr, message_type)
         call = self._failing(callback)
+        self._unheard.add(key_expr)
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
+            self._unheard.discard(key_expr)
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (latched or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
@@ -269,6 +296,7 @@ class Node(ProcessNode):
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
+        check_call(callback, 2, f"watch_tokens({key_expr!r}, …): the callback takes the key and whether it is alive")
         super().watch_tokens(key_expr, self._failing(callback))
 
     def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
@@ -283,15 +311,17 @@ class Node(ProcessNode):
         return handle
 
     def run(self, step: Step, *, period: float = 0.1, gate: bool = False) -> None:
-        """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
+        """Call `step(now)` every `period` seconds until the process is asked to stop, in lock-step in the first tick at
+        or after each such moment. Raises what `step` raises.
 
         With `gate` it calls `step` from the monitor's GO on. A robot's own process (`robot_N`) tells the monitor that
         it is ready when all that it subscribes to with `every_tick` has come.
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
+        check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
         self.was_run = True
-        status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
+        status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
             self.follow_go()
             if self.robot_id is not None and self.switch is not None:
@@ -299,7 +329,8 @@ class Node(ProcessNode):
         own = UserStep(self, step, period)
         self.adopt(own.act, own, readiness, status)
         self.become_present()
-        log.info("node %s, a step every %g s%s", self.name, period, ": waiting for the monitor's GO" if gate else "")
+        waits = ": waiting for the monitor's GO" if gate else ""
+        log.info("node %s, a step every %g s, in lock-step with the next tick%s", self.name, period, waits)
         self.drive(self.look)
 
     def adopt(
@@ -321,6 +352,7 @@ class Node(ProcessNode):
         """Take steps until the process is asked to stop; call `beat()` once a second. Raises what a step raises."""
         # Only the process that holds the name may publish under it, so not before this.
         self.on_stop(self.halt)
+        self.on_stop(lambda: let_end(self._searching))
         while not self.stopping:
             self.decide_clock(self.first_data)
             if self.part.expected:
@@ -332,9 +364,27 @@ class Node(ProcessNode):
             if self.stopping or not self._heartbeat.due():
                 continue
             beat()
+            self._look_for_publishers()
             with self.changed:
                 if self.status is not None:
                     self.status.say_again()
+
+    def _look_for_publishers(self) -> None:
+        """Once, when a team is there: log which of its keys nothing publishes. A thread waits for the answers."""
+
+        def search() -> None:
+            with suppress(BusError):
+                graph = find_graph(self.bus)
+                if graph.robots() and not self.stopping:
+                    unheard, self._unheard = self._unheard, set()
+                    for key, near in unpublished(graph, unheard).items():
+                        # What has no near key may be sent now and then.
+                        log.log(logging.WARNING if near else logging.INFO, "nothing publishes %s%s", key, near)
+
+        is_users = self.was_run and (self.robot_id is not None or kind_of(self.name) is None)
+        if is_users and self._unheard and self._search.due():
+            self._searching = threading.Thread(target=search, name="publishers", daemon=True)
+            self._searching.start()
 
     @property
     def is_stopped(self) -> bool:
@@ -380,6 +430,9 @@ class Node(ProcessNode):
             if self.status is not None and not was_released:
                 if is_released:
                     log.info("GO: driving")
+                elif self.in_team and (self.readiness.is_ready or self.team.state != TeamState.GO):
+                    # The monitor logs which robots are ready, and what the others lack.
+                    self.status.publish_change()
                 else:
                     self.status.tell()
         return is_released
@@ -462,7 +515,11 @@ def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
 
 
 def run(
-    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
+    name: str,
+    body: Callable[[Node], None] | None = None,
+    options: BusOptions | None = None,
+    *,
+    clock: ClockMode = "auto",
 ) -> int:
     """Run `body(node)` as the process `name`; the body calls `node.run(step)`. Returns 0 after an orderly stop.
 
@@ -472,9 +529,13 @@ def run(
     Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
     how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    if not isinstance(name, str) or not callable(body):
-        log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
-        raise SystemExit(2)
+    text = """zteam.run(name, body): write zteam.run("watcher", main) with a function 'def main(node): …'"""
+    try:
+        check_call(body if isinstance(name, str) else None, 1, text)
+    except UsageError as error:
+        log.error("%s%s", place_in(extract_stack()), error)
+        raise SystemExit(error.exit_code) from None
+    assert body is not None
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     offer_stacks(name, stop)

@@ -4,6 +4,7 @@ import gc
 import logging
 import sys
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -17,7 +18,7 @@ from zteam.bus.transport import Closeable
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
-from zteam.node.faults import log_fault, offer_stacks
+from zteam.node.faults import log_fault, offer_stacks, place_in
 from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop
@@ -81,6 +82,9 @@ class ProcessNode:
     During a step (`take_step`) inputs are kept, and taken when it is over. Nothing here polls. `on_stop` hooks run
     before the session closes, in the order they were added.
     """
+
+    in_team = False
+    """Whether a launcher runs it as a member of a team. Launcher and monitor then log what the team waits for."""
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         self.name = name
@@ -433,7 +437,8 @@ def run_body(
         except ZteamError as error:
             if stop.requested:
                 return 0
-            log.error("%s", error)
+            place = place_in(traceback.extract_tb(error.__traceback__)) if isinstance(error, UsageError) else ""
+            log.error("%s%s", place, error)
             return error.exit_code
         except Exception as error:
             # Before the node closes, which may log more.

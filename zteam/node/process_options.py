@@ -51,7 +51,7 @@ class MonitorOptions(msgspec.Struct, frozen=True):
     """The monitor."""
 
     team_size: int
-    """0: look at the monitor that runs."""
+    """0 without ids: look at the monitor that runs."""
     ids: tuple[int, ...] | None = None
     json: Annotated[bool, option("print events as JSON lines: event, robot, text")] = False
     exit_on_go: Annotated[bool, option("end with 0 once GO is sent and every robot runs")] = False

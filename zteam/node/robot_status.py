@@ -39,9 +39,9 @@ def go_epoch(team: messages.TeamStatus | None, now: int) -> int:
 class Readiness:
     """The state of one robot, and the reason: BOOT until it has all its data, READY until GO, then RUNNING for good."""
 
-    def __init__(self, *, gated: bool, way_out: str = "zteam-monitor; --no-gate drives at once") -> None:
+    def __init__(self, *, gated: bool, way_out: str = "") -> None:
         """Without `gated` the robot drives at once. `way_out` is what a user may do while the robot waits for GO."""
-        self._way_out = way_out
+        self._way_out = f" ({way_out})" if way_out else ""
         self.released = not gated
         """Whether the robot may drive."""
         self.state: int = messages.RobotState.BOOT
@@ -63,7 +63,7 @@ class Readiness:
             self.state, self.reason = messages.RobotState.BOOT, "waiting for " + ", ".join(missing)
         elif not epoch:
             self.state = messages.RobotState.READY
-            self.reason = f"waiting for the monitor's GO ({self._way_out})"
+            self.reason = f"waiting for the monitor's GO{self._way_out}"
         else:
             self.released, self.epoch = True, epoch
         return self.released
@@ -162,11 +162,17 @@ class StatusReport:
 
     def tell(self, *, logged: bool = True) -> None:
         """Publish the state if it is another one than before; also log the reason, unless the caller has."""
-        now = self._state()
-        state, reason = now[:2]
+        state, reason = self._state()[:2]
         # In each step: the reason that holds on and on is not a new one when it has been gone for a moment.
         if self._reasons.admit(reason, self._node.clock.now(), is_known=not logged):
-            log.info("%s: %s", messages.RobotState.TEXT[state], reason)
+            log.info(
+                "%s%s", "" if state == messages.RobotState.RUNNING else f"{messages.RobotState.TEXT[state]}: ", reason
+            )
+        self.publish_change()
+
+    def publish_change(self) -> None:
+        """Publish the state if it is another one than before."""
+        now = self._state()
         if now != self._told:
             self._told = now
             self.publish()

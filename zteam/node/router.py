@@ -7,7 +7,7 @@ import sys
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, open_team_router
 from zteam.errors import ZteamError
-from zteam.node.launcher import report
+from zteam.node.launcher import report, take_link
 from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
 from zteam.node.shutdown import Stop
@@ -27,7 +27,9 @@ def run_router(options: RouterOptions, *, announce: bool = False) -> int:
     router = open_team_router(options) if options.for_team else Router(options)
     stop.on_request(router.wake)
     try:
-        log.info("router at %s", router.endpoint)
+        if take_link() is None:
+            # A launcher names it.
+            log.info("router at %s", router.endpoint)
         report(listening=router.endpoint)
         if announce:
             print(router.endpoint, flush=True)  # noqa: T201

@@ -45,13 +45,17 @@ class StartRequest(Change):
     """`up/start`: start the process of a robot, with a behaviour that zteam knows and that needs no parameters."""
 
     robot: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-    behavior: str
+    behavior: str = ""
+    """Empty: as the launcher started it before."""
+    ends: bool = False
+    """End it instead."""
 
 
-def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
-    """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
+def start_robot(bus: Bus, robot_id: int, behavior: str = "", *, ends: bool = False) -> None:
+    """Ask the launcher to start a robot's process, which reports in its status and its log, or to end it. Raises
+    BusError."""
     key = names.service_key(names.LAUNCHER, names.START)
-    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
+    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior, ends=ends), timeout=START_LIMIT)
 
 
 class DescribeReply(msgspec.Struct):

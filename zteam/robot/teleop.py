@@ -36,7 +36,7 @@ m , .   backwards, with a turn (down: ,)
 With shift, for omnidirectional bases: J L sideways, U O M > at an angle, I < straight.
 q z     both speeds 10 % up, down; w x: only the speed; e c: only the turn rate
 k, space, any other key: stop    tab: stop, let go, next robot    ?: this help    Ctrl+C: stop and end
-A key counts for 0.75 s after its first press and for 0.3 s after each repeat."""
+A key counts for a moment after each press and repeat (--key-timeout), then the robot stands."""
 
 _NAMES = {"\t": NEXT, " ": SPACE}
 _SEQUENCES = {
@@ -82,7 +82,9 @@ MIN_SPEED, MAX_SPEED = 0.01, 10.0
 class Pilot:
     """Drives one robot of several: from its first key on, at zero velocity while no key counts, until `tab`."""
 
-    def __init__(self, robot_ids: Sequence[int], speed: float, turn: float) -> None:
+    def __init__(self, robot_ids: Sequence[int], speed: float, turn: float, key_timeout: float | None = None) -> None:
+        """A key counts for `key_timeout` seconds after each press and repeat; None: for FIRST, then for REPEAT."""
+        self._first, self._repeat = key_timeout or FIRST, key_timeout or REPEAT
         self.robot_ids = tuple(robot_ids)
         self.robot_id = self.robot_ids[0]
         """The robot that the keys drive."""
@@ -109,7 +111,7 @@ class Pilot:
             self._key = ""
         elif key in DIRECTIONS:
             repeated = key == self._key and now < self._until
-            self._until = max(self._until, now + REPEAT) if repeated else now + FIRST
+            self._until = max(self._until, now + self._repeat) if repeated else now + self._first
             self._key, self.holds = key, True
             return not repeated
         elif key not in (FOCUS_GAINED, HELP):

@@ -23,9 +23,9 @@ from zteam.messages.laser import read_ranges
 SILENT_AFTER = 2.0
 """Seconds without a status (they come at 1 Hz) after which a teammate is silent: simulated in lock-step, else the
 host's."""
-FindPose = Callable[[str, str], tuple[Pose2, int] | None]
-"""`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
-two frames moves), or None where the look-up failed."""
+FindPose = Callable[..., tuple[Pose2, int] | None]
+"""`find_pose(target_frame, source_frame, time=0)`: target_from_source at a time (ns), or the newest with 0, and its
+stamp (ns; 0 where nothing between the two frames moves), or None where the look-up failed."""
 
 
 class Teammate(NamedTuple):

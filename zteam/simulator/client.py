@@ -17,6 +17,7 @@ from zteam.config.fault import Fault
 from zteam.config.problems import problems_of
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
+from zteam.geometry import FAR
 from zteam.messages import Clock, MapMetaData, ns_from_time
 from zteam.messages.planar import pose2_of
 from zteam.names import MAX_ROBOT_ID
@@ -31,9 +32,7 @@ MIN_SPEED = 1e-6
 """Simulated seconds a second of the host, at least."""
 MAX_SPEED = 1e6
 """Simulated seconds a second of the host, at most."""
-MAX_PLACE = 1e6
-"""Metres from the origin of `map`, and radians of a yaw, at most."""
-Place = Annotated[float, msgspec.Meta(ge=-MAX_PLACE, le=MAX_PLACE)]
+Place = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 MAX_WAIT = 60.0
 """Host seconds that `sim/finish` and `sim/stand` wait at most."""
 ANSWER_LIMIT = 10.0

@@ -12,7 +12,7 @@ from zteam.node import kinds
 from zteam.node.faults import log_fault, shortage_text
 from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
-from zteam.node.process_node import ClockMode, run_node
+from zteam.node.process_node import ClockMode, ProcessNode, run_node
 from zteam.node.process_options import MAX_LINE, ProcessOptions, from_line
 from zteam.node.router import run_router
 from zteam.team.parts import part_of
@@ -28,7 +28,7 @@ def main() -> int:
         start_logging(name)
         if isinstance(options, RouterOptions):
             return run_router(options)
-        bus = BusOptions.from_environment()
+        bus, ProcessNode.in_team = BusOptions.from_environment(), True
         return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small))
     except ZteamError as error:
         return _fail(name, str(error), error.exit_code)

@@ -99,10 +99,13 @@ def _navigation(options: NavigationOptions) -> Part:
     from zteam.navigation.process.node import NavigationNode
     from zteam.node.node import Node
 
-    parameters, unknown = {}, dict[str, None]()
+    parameters, unknown, notes = {}, dict[str, None](), dict[str, None]()
     for i, robot in options.robots.items():
         parameters[i], ignored = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
         unknown.update(dict.fromkeys(ignored))
+        notes.update(dict.fromkeys(parameters[i].notes))
+    for note in notes:
+        log.warning("%s", note)
     if unknown:
         log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}

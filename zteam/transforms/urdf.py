@@ -5,22 +5,25 @@ own names; the merger puts a robot's prefix before them.
 """
 
 import math
-from collections import Counter
 from contextlib import suppress
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from zteam.config.resources import read_file
-from zteam.errors import ConfigError
+from zteam.errors import ConfigError, did_you_mean
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import JointState, Time, TransformStamped
 from zteam.transforms.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
-_KINDS = ("fixed", "revolute", "continuous", "prismatic")
-_SKIPPED = ("floating", "planar")
-"""Joints with more than one coordinate: another node has to publish the transforms of their children, as in ROS."""
+_MOVING = ("revolute", "continuous", "prismatic")
+_KINDS = ("fixed", *_MOVING, "floating", "planar")
+"""The last two have more than one coordinate: as in ROS, another node has to publish where their children are."""
+_LINE = "line of the file"
+"""The attribute, of a name that no file can have, with the line of an element."""
 
 
 class Joint(NamedTuple):
@@ -38,7 +41,7 @@ class Joint(NamedTuple):
 
 
 class Description(NamedTuple):
-    """A robot's joints."""
+    """A robot's joints; those that mimic another one stand behind it."""
 
     joints: tuple[Joint, ...]
 
@@ -51,14 +54,16 @@ class Description(NamedTuple):
 
     def moving_transforms(self, state: JointState) -> list[TransformStamped]:
         """The transforms of the moving joints whose position is in the message; other names in it are ignored."""
-        known = dict(zip(state.name, state.position.tolist(), strict=False))
+        said = zip(state.name, state.position.tolist(), strict=False)
+        known = {name: position for name, position in said if math.isfinite(position)}
         found = []
         for joint in self.joints:
-            position = known.get(joint.name, math.nan)
             if joint.mimic is not None and joint.mimic[0] in known:
                 leader, multiplier, offset = joint.mimic
-                position = multiplier * known[leader] + offset
-            if joint.kind != "fixed" and math.isfinite(position):
+                # As in robot_state_publisher, a position of its own goes first.
+                known.setdefault(joint.name, multiplier * known[leader] + offset)
+            position = known.get(joint.name, math.nan)
+            if joint.kind in _MOVING and math.isfinite(position):
                 moved = compose(joint.parent_from_joint, _moved(joint, position))
                 found.append(stamped_transform(state.header.stamp, joint.parent, joint.child, moved))
         return found
@@ -74,36 +79,93 @@ def _moved(joint: Joint, position: float) -> Floats:
 
 
 def read_description(path: Path) -> Description:
-    """The joints of a URDF file. Raises ConfigError that names the file and the joint."""
-    data = read_file(path, "robot description", MAX_BYTES, ConfigError)
+    """The joints of a URDF file. Raises ConfigError that names the file, the line and the joint.
+
+    As in urdfdom, the joints must make one tree of all links.
+    """
+    root = _read_xml(path)
+    if root.tag != "robot":
+        raise ConfigError(f"{path}: not a URDF file, which is a <robot>, but a <{root.tag:.40}>")
+    links, elements = _by_name(path, root, "link"), _by_name(path, root, "joint")
+    joints, parents = dict[str, Joint](), dict[str, str]()
+    for name, element in elements.items():
+        joint, place = _read_joint(path, element), _place(path, element)
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ConfigError(f'{place}: there is no <link name="{link:.60}"/>{did_you_mean(link, links)}')
+        if joint.child in parents:
+            raise ConfigError(f"{place}: link {joint.child!r:.60} hangs on a joint above: a link has one parent")
+        joints[name], parents[joint.child] = joint, joint.parent
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        line = (links[roots[-1]] if roots else root).get(_LINE)
+        text = f"a robot has one <link> that hangs on no joint; here: {', '.join(roots) or 'none'}"
+        raise ConfigError(f"{path}:{line}: {text:.200}")
+    leaders = {name: [joint.mimic[0]] if joint.mimic else [] for name, joint in joints.items()}
     try:
-        root = ElementTree.fromstring(data)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        [*TopologicalSorter({child: [parent] for child, parent in parents.items()}).static_order()]
+        order = [*TopologicalSorter(leaders).static_order()]
+    except CycleError as error:
+        circle = error.args[1]
+        place = _place(path, (links | elements)[circle[0]])
+        raise ConfigError(f"{place}: it hangs on or mimics itself, over {', '.join(circle):.60}") from None
+    return Description(tuple(joints[name] for name in order if name in joints))
+
+
+def _read_xml(path: Path) -> ElementTree.Element:
+    """The root of an XML file. As in urdfdom, prefixes need no declaration: below <gazebo> people leave it out.
+
+    A file that xacro has written may still declare its namespace; it has no elements and no values of it.
+    """
+    data = read_file(path, "robot description", MAX_BYTES, ConfigError)
+    builder, parser, xacro = ElementTree.TreeBuilder(), expat.ParserCreate(), {"xacro"}
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        declared = [name for name, value in attributes.items() if value.rstrip("/").endswith("/xacro")]
+        xacro.update(name.removeprefix("xmlns:") for name in declared)
+        found = [value for value in attributes.values() if "${" in value or "$(" in value]
+        if found or (":" in tag and tag.partition(":")[0] in xacro):
+            place, what = f"{path}:{parser.CurrentLineNumber}", [*found, f"<{tag}>"][0]
+            raise ConfigError(f"{place}: {what:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
+        builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
+
+    def refuse(*_: Any) -> None:
+        raise ConfigError(f"{path}:{parser.CurrentLineNumber}: a robot description defines no entities")
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = begin, builder.end, refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
         # LookupError: an encoding that Python does not have.
         raise ConfigError(f"{path}: not XML: {error}") from None
-    if root.tag != "robot" or any(each.tag.startswith("{http://www.ros.org/wiki/xacro}") for each in root.iter()):
-        raise ConfigError(f"{path}: not a URDF file, which is a <robot>; of a xacro file: xacro FILE > robot.urdf")
-    joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
-    for child, count in Counter(joint.child for joint in joints).items():
-        if count > 1:
-            raise ConfigError(f"{path}: link {child!r:.60} hangs on {count} joints: a link has one parent")
-    return Description(joints)
+    return builder.close()
 
 
-def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
-    name = element.get("name") or ""
-    place = f"{path}: joint {name or '(without a name)'!r:.60}"
-    kind = element.get("type", "")
-    if kind in _SKIPPED:
-        return None
+def _by_name(path: Path, root: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
+    found: dict[str, ElementTree.Element] = {}
+    for element in root.findall(tag):
+        name = element.get("name") or ""
+        if not name or name in found:
+            raise ConfigError(f"{_place(path, element)}: " + ("there is another one" if name else "needs a name"))
+        found[name] = element
+    return found
+
+
+def _place(path: Path, element: ElementTree.Element) -> str:
+    return f"{path}:{element.get(_LINE)}: {element.tag} {element.get('name') or '(without a name)'!r:.60}"
+
+
+def _read_joint(path: Path, element: ElementTree.Element) -> Joint:
+    """A joint; of each kind those of its elements that urdfdom reads."""
+    place, name, kind = _place(path, element), element.get("name", ""), element.get("type", "")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
-    if not name or kind not in _KINDS or not parent or not child:
+    if kind not in _KINDS or not parent or not child:
         kinds = f"a type of {', '.join(_KINDS)} (not {kind!r:.40})"
-        raise ConfigError(f"{place}: needs a name, {kinds}, <parent link=…/> and <child link=…/>")
+        raise ConfigError(f"{place}: needs {kinds}, <parent link=…/> and <child link=…/>")
     x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
     roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
-    ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")
-    length = math.hypot(*axis)
+    ahead, left, up = _numbers(place, element, "axis", "xyz", "1 0 0") if kind in _MOVING else (1.0, 0.0, 0.0)
+    length = math.hypot(ahead, left, up)
     if length < 1e-9:
         raise ConfigError(f"{place}: its axis has no direction")
     mimic = None
@@ -111,6 +173,8 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
         (multiplier,) = _numbers(place, element, "mimic", "multiplier", "1")
         (offset,) = _numbers(place, element, "mimic", "offset", "0")
         mimic = (_attribute(element, "mimic", "joint"), multiplier, offset)
+        if not mimic[0]:
+            raise ConfigError(f"{place}: needs <mimic joint=…/>, the joint that it follows")
     parent_from_joint = (x, y, z, *quaternion_from_rpy(roll, pitch, yaw))
     return Joint(name, kind, parent, child, parent_from_joint, (ahead / length, left / length, up / length), mimic)
 

@@ -165,7 +165,7 @@ class Commands:
             "speed": lambda it: simulator.set_speed(it.factor or None),
             "reset": lambda _: simulator.reset(),
             "spawn": self._spawn,
-            "remove": lambda it: simulator.remove(it.robot),
+            "remove": lambda it: self._remove(it.robot),
             "move": lambda it: simulator.move(it.robot, it.x, it.y, it.yaw),
             "start": lambda it: start_robot(bus, it.robot, it.behavior),
             "parameter": lambda it: set_parameters(names.robot_name(it.robot), {it.name: parse_value(it.value)}),
@@ -190,6 +190,15 @@ class Commands:
             except ZteamError as error:
                 raise ZteamError(f"{names.robot_name(robot_id)} stands there, without a behaviour: {error}") from None
 
+    def _remove(self, robot_id: int) -> None:
+        """Take a robot out of the world, and have its process ended. Raises ZteamError, also if that is left."""
+        self._simulator.remove(robot_id)
+        name, queries = names.robot_name(robot_id), self._state.queries
+        if queries.alive(name) and queries.alive(names.LAUNCHER):
+            start_robot(self._state.node.bus, robot_id, ends=True)
+        elif queries.alive(name):
+            raise ZteamError(f"it is out of the world, and its process {name} still runs: end it where it was started")
+
     def _send_goals(self, request: requests.Goal) -> None:
         known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
@@ -206,7 +215,8 @@ class Commands:
             else:
                 unheard.append(names.robot_name(robot_id))
         if unheard:
-            raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
+            text = f"nothing takes goals for {', '.join(unheard)}: use navigation, or a behaviour such as go_to"
+            raise ZteamError(text)
 
     def _cancel_goals(self, request: requests.CancelGoals) -> None:
         # A list may have sent a goal that the page has not seen.

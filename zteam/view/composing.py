@@ -18,7 +18,7 @@ from zteam.node.tick_messages import stamp_of
 from zteam.view import frames
 from zteam.view.documents import Documents
 from zteam.view.received import Received, Viewer, robots_in_sight
-from zteam.view.scene import Scene
+from zteam.view.scene import NO_SCAN, Scene
 from zteam.view.team_view import TeamView
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
@@ -58,16 +58,21 @@ class Composer:
         places, sim = state.places, state.queries.sim
         tick = places.stamp // sim.interval if sim and sim.interval > 0 else 0
         sent = monotonic()
-        age = sent - places.time if has_poses else -1.0
+        age = sent - places.time if has_poses and places.time else -1.0
         return frames.encode_frame(viewer.next_frame(sent), tick, to_seconds(places.stamp), age, blocks)
 
     def _scans(self, viewer: Viewer) -> Iterator[bytes]:
-        if "scans" not in viewer.look.layers:
-            return
-        for robot_id in robots_in_sight(viewer, self._state.poses):
-            for key, number, block in self._scene.scans(robot_id, viewer.look.beams):
-                if viewer.lacks(key, (number, viewer.look.beams)):
+        robots = robots_in_sight(viewer, self._state.poses) if "scans" in viewer.look.layers else []
+        before, viewer.scanned = viewer.scanned, set()
+        for robot_id in robots:
+            for index, number, block in self._scene.scans(robot_id, viewer.look.beams):
+                viewer.scanned.add((robot_id, index))
+                if viewer.lacks(("scan", robot_id, index), (number, viewer.look.beams)):
                     yield block
+        # What is not sent any more must not stay on the map as if it were seen now.
+        for robot_id, index in sorted(before - viewer.scanned):
+            viewer.has.pop(("scan", robot_id, index))
+            yield frames.encode_scan(robot_id, index, *NO_SCAN, beams=1)
 
     def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
         """Tiles that the page lacks, of so many bytes together, and at least one."""

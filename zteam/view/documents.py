@@ -111,7 +111,7 @@ def drawn_polygon(key: str, polygon: PolygonStamped, frame: Pose2) -> dict[str, 
     points = [(point.x, point.y) for point in polygon.polygon.points[:MAX_POINTS]]
     return {
         "ns": key, "id": 0, "type": MarkerType.LINE_STRIP, **frame._asdict(),
-        "scale": (0.02, 0.0, 0.0), "color": (0.2, 0.7, 0.3, 1.0), "points": [*points, *points[:1]], "text": "",
+        "scale": (0.02, 0.0, 0.0), "color": None, "points": [*points, *points[:1]], "text": "",
     }  # fmt: skip
 
 

@@ -4,8 +4,9 @@ import io
 import logging
 import os
 import socket
+import subprocess
 import sys
-import webbrowser
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     if is_open and sys.stdout.isatty():
         show(qr_code(url))
     if options.browser and has_browser():
-        webbrowser.open(url)
+        open_page(url)
     # It takes a moment, in which the browser loads the page.
     node.become_present()
     if options.foxglove_port is not None:
@@ -108,8 +109,16 @@ def qr_code(url: str) -> str:
     return drawing.getvalue()
 
 
+def open_page(url: str) -> None:
+    """Open the page in the user's browser, without waiting for it. Out of this terminal: a browser for terminals would
+    take it, and what a missing one prints does not belong there."""
+    command, nowhere = [sys.executable, "-P", "-m", "webbrowser", url], subprocess.DEVNULL
+    apart = {"stdin": nowhere, "stdout": nowhere, "stderr": nowhere, "start_new_session": True}
+    threading.Thread(target=subprocess.run, args=(command,), kwargs=apart, name="browser", daemon=True).start()
+
+
 def has_browser() -> bool:
-    """Whether there is a screen to open a page on: a browser for terminals would take the user's terminal."""
+    """Whether there may be a browser with windows."""
     if sys.platform != "linux":
         return True
     return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))

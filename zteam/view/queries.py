@@ -4,19 +4,19 @@ and what the doctor finds.
 
 import logging
 import threading
-from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import closing, suppress
 from typing import Any, TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.bus import BusOptions, Change
-from zteam.bus.graph import Graph, ros_type_of
-from zteam.bus.receiving import KeyCount
+from zteam.bus.connection import connect
+from zteam.bus.graph import KeyRow, find_rows
 from zteam.bus.transport import Declaration
 from zteam.clock import Every, monotonic, wall_ns
-from zteam.errors import ZteamError
+from zteam.errors import BusError, ZteamError
 from zteam.messages import RobotStatus
 from zteam.monitor.doctor.examination import examine
 from zteam.monitor.doctor.facts import Finding
@@ -30,34 +30,12 @@ from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
 
-Counts = Mapping[str, Mapping[str, int]]
-"""How many messages of each key each process has received, by process, then by key."""
 
-
-def rates(before: Counts, after: Counts, seconds: float) -> dict[str, float]:
-    """Messages a second of each key between two looks."""
-    found = defaultdict[str, float](float)
-    for process in before.keys() & after.keys():
-        for key, count in after[process].items():
-            found[key] = max(found[key], (count - before[process].get(key, count)) / seconds)
-    return found
-
-
-def topic_rows(
-    declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]
-) -> list[dict[str, Any]]:
-    """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
-    graph = Graph(declarations)
-    return [
-        {
-            "key": key,
-            "type": ros_type_of(key),
-            "hz": round(hz[key], 1) if key in hz else None,
-            "publishers": len(graph.sessions(key, publishes=True)),
-            "subscribers": len(graph.sessions(key, publishes=False)),
-        }
-        for key in graph.known_keys(robots)
-    ]
+def topic_row(row: KeyRow) -> dict[str, Any]:
+    """A topic as the page's list has it; without a rate if nothing came on it during the survey."""
+    hz = round(row.rate, 1 if row.count > 1 else 0) if row.count else None
+    publishers, subscribers = len(row.publishers), len(row.subscribers)
+    return {"key": row.key, "type": row.type, "hz": hz, "publishers": publishers, "subscribers": subscribers}
 
 
 log = logging.getLogger("zteam")
@@ -68,6 +46,8 @@ ASK_PERIOD = 0.5
 """Host seconds between two looks at the simulator while a page is open."""
 KEYS_PERIOD = 2.0
 """Host seconds between two looks at which keys there are."""
+SURVEY_PERIOD = 5.0
+"""Host seconds between two surveys of all topics. During one each topic has a subscriber more, which publishers see."""
 PATIENCE = 1.0
 
 
@@ -87,9 +67,11 @@ class TeamQueries:
         """Of the other sessions."""
         self.topics: list[dict[str, Any]] | None = None
         """None before the first look."""
-        self._counts: Counts = {}
-        self._counted = 0.0
-        """Host time of these counts."""
+        self._survey_due, self._surveys = Every(SURVEY_PERIOD), False
+        self.last_world = ""
+        """That of the newest simulator; empty where none was here."""
+        self.refused: list[str] | None = None
+        """Those of the grants `goals` and `teleop` that this process lacks; None before it was asked."""
         self.frames: dict[str, FrameInfo] = {}
         """Of the aggregator: which process says where each frame is, and in which one."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
@@ -154,13 +136,32 @@ class TeamQueries:
             self.kept_log = [*kept_lines(self._ask(names.log_key("*"), list[LogLine]))]
         if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
             self.declarations = self._bus.declarations()
-            if "topics" in docs:
-                self._ask_counts()
+        options = None if self._surveys or "topics" not in docs else self._bus.options
+        if options is not None and self._survey_due.due():
+            self._surveys = True
+            threading.Thread(target=self._survey, args=(options,), name="survey", daemon=True).start()
+        if self.refused is None and self.team.link_up:
+            self.refused = list(self._find_refused())
         self._on_news()
+
+    def _find_refused(self) -> Iterator[str]:
+        for grant, topic in (("goals", names.GOAL_POSE), ("teleop", names.CMD_VEL_TELEOP)):
+            try:
+                self._bus.check_right(names.robot_key(0, topic))
+            except BusError:
+                yield grant
+
+    def _survey(self, options: BusOptions) -> None:
+        """Look at all keys for a while, on a session of its own: what this one has subscribed to stays as it is."""
+        options = msgspec.structs.replace(options, connect=options.endpoint)
+        with suppress(ZteamError), closing(connect(options, patience=PATIENCE)) as bus:
+            self.topics = [topic_row(row) for row in find_rows(bus, "**")[0]]
+        self._surveys = False
 
     def _ask_simulator(self, *, obstacles: bool) -> None:
         sim = find_status(self._bus, PATIENCE) if self.alive(names.SIMULATOR) else None
         self.sim = sim
+        self.last_world = sim.world if sim else self.last_world if self.robots() else ""
         if sim is None:
             self.shapes = self.obstacles = self._shapes_of = None
             return
@@ -178,15 +179,8 @@ class TeamQueries:
             # The aggregator does not send a tick's bundle twice.
             if self._received.get(names.TF) is None:
                 for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                    self._received.take(names.TF, bundle.content)
+                    self._received.take(names.TF, bundle.content, topic=names.TF)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
-
-    def _ask_counts(self) -> None:
-        answers = self._ask(names.stats_key("*"), dict[str, KeyCount])
-        received = {key: {each: count.received for each, count in told.items()} for key, told in answers}
-        before, self._counts, begin, self._counted = self._counts, received, self._counted, monotonic()
-        robots = self.robots() | (set(self.sim.robots) if self.sim else set())
-        self.topics = topic_rows(self.declarations, rates(before, received, self._counted - begin), robots)
 
     def _first(self, service: str, kind: type[T]) -> T | None:
         answers = self._ask(names.service_key(names.SIMULATOR, service), kind)

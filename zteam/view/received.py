@@ -97,9 +97,8 @@ class Received:
         with self._lock:
             self.number += 1
             arrival = Arrival(key, content, self.number, monotonic(), encoding)
-            if not topic:
-                self._newest[key] = arrival
-            else:
+            self._newest[key] = arrival
+            if topic:
                 kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
                 kept.append(arrival)
                 # The messages of a topic are of about one size.
@@ -235,6 +234,8 @@ PERIOD, FAST_PERIOD = 0.05, 0.1
 """Host seconds between two frames of one page, at least; the second one where time runs fast, to slow that run less."""
 
 
+REACH = 5.0
+"""Metres beside its viewport from which a page is shown what sensors see."""
 UNDER_WAY = 2
 """Frames to a page that it has not acknowledged, at most: with one, a link of 400 ms has two a second."""
 
@@ -247,6 +248,8 @@ class Viewer:
         self.look = Look()
         self.watches: dict[tuple[str, str], int] = {}
         """The topics and fields that it watches, with the number of the newest message that it has of each."""
+        self.scanned: set[tuple[int, int]] = set()
+        """Robots and numbers of the lasers whose scans it is shown."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
         self.log_number = 0
@@ -298,9 +301,9 @@ class Viewer:
         return True
 
     def sees(self, x: float, y: float) -> bool:
-        """Whether a point of `map` is in its viewport."""
+        """Whether a point of `map` is in its viewport, or a sensor there may reach into it."""
         view = self.look.viewport
-        return not view or (view[0] <= x <= view[2] and view[1] <= y <= view[3])
+        return not view or (view[0] - REACH <= x <= view[2] + REACH and view[1] - REACH <= y <= view[3] + REACH)
 
 
 def sensor_topics(robot_id: int) -> set[Topic]:
@@ -348,7 +351,7 @@ def topics_of(
     if not aggregator:
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
     else:
-        wanted.add(Topic(names.TF, TFMessage))
+        wanted.add(Topic(names.TF, TFMessage, every=True))
         wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
     for viewer in viewers:
         layers = viewer.layers

@@ -157,7 +157,7 @@ class SetParameter(OfRobot, frozen=True):
 
 
 class Start(OfRobot, frozen=True):
-    """`up/start`: have the launcher start the robot's process with a behaviour."""
+    """`up/start`: have the launcher start the robot's process with a behaviour, or if that is empty as before."""
 
     behavior: Text
 

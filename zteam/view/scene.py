@@ -46,12 +46,12 @@ def robot_row(
     robot_id: int, outlines: Outlines, *, present: bool, alive: bool = False, status: RobotStatus | None = None,
     age: float = 0.0, base: BaseInfo | None = None, shape: RobotShape | None = None, lease: int | None = None,
     sim: SimStatus | None = None, processes: Sequence[str] = (), amcl: PoseWithCovarianceStamped | None = None,
-    places: tuple[Pose2, Pose2] | None = None,
+    places: tuple[Pose2, Pose2] | None = None, takes_goals: bool = True,
 ) -> dict[str, Any]:  # fmt: skip
     """A robot's row: whether a process holds its name, its newest status and how old that is (host seconds), its base,
     its shape as the simulator tells it, the viewer that drives it, the names of its processes, the estimate of its
-    localiser, and where it is and takes itself to be. `present`: the world has it, or without a simulator its base or
-    process is there."""
+    localiser, where it is and takes itself to be, and whether something takes its goals. `present`: the world has
+    it, or without a simulator its base or process is there."""
     model, polygons = "", list[Any]()
     if shape is not None:
         model, polygons = shape.model, shape.outline
@@ -60,9 +60,8 @@ def robot_row(
     state, reason = _state_of(status, present=present, alive=alive, age=age)
     speed = round(status.speed, 3) if status is not None and alive else None
     if sim is not None and not present:
+        state, speed = "absent", None
         reason = f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"
-    elif sim is not None and speed is not None and (sim.finished or sim.paused):
-        reason = "the run is over" if sim.finished else "the world is paused"
     truth, lost = _find_lost(amcl, places)
     stops = (sim is not None and robot_id in sim.stopped) or (status is not None and alive and status.is_stopped)
     return {
@@ -75,6 +74,7 @@ def robot_row(
         "lease": lease, "localised": not lost, "truth": truth, "stopped": stops,
         # Nothing would hold a real base without a robot process.
         "unheld": sim is None and present and not alive,
+        "takes_goals": takes_goals,
     }  # fmt: skip
 
 
@@ -90,7 +90,7 @@ def _state_of(status: RobotStatus | None, *, present: bool, alive: bool, age: fl
         return "silent", "does not answer"
     reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
     if not reason and not round(status.speed, 3):
-        reason = "turns, or drives sideways"
+        reason = "turns on the spot or drives sideways"
     return RobotState.TEXT[min(status.state, RobotState.FAULT)], reason
 
 
@@ -112,7 +112,7 @@ def _find_lost(
 def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
     """The start gate, and with `id` and `reason` the robots that GO waits for."""
     if status is None or status.state == TeamState.GO:
-        state, text = ("waiting", "no monitor") if status is None else ("go", "GO is out")
+        state, text = ("waiting", "no monitor") if status is None else ("go", "GO given")
         return {"state": state, "text": text, "waiting_for": []}
     missing = status.missing.tolist()
     started = {i for i in missing if i in robots and robots[i]["state"] != "undriven"}
@@ -122,12 +122,13 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) ->
     return {"state": "waiting", "text": text, "waiting_for": waiting}
 
 
-def sim_row(status: SimStatus | None, models: Collection[str]) -> dict[str, Any]:
-    """The simulator."""
+def sim_row(status: SimStatus | None, models: Collection[str], last_world: str = "") -> dict[str, Any]:
+    """The simulator, or that there is none, and the `last_world` of one that is gone."""
     if status is None:
-        return {"present": False, "state": "", "models": []}
+        return {"present": False, "state": "gone" if last_world else "", "world": last_world, "models": []}
     return {
         "present": True,
+        "world": status.world,
         "state": "finished" if status.finished else "paused" if status.paused else "running",
         "speed": status.speed,
         "rtf": round(status.real_time_factor, 2),
@@ -163,8 +164,8 @@ PATIENCE = 0.5
 
 Found = tuple[Arrival, LaserScan]
 
-_NOTHING = 0, LaserScan(), Pose2(0.0, 0.0, 0.0)
-"""Number, scan and pose in the place of a scan whose place is not known any more: without beams nothing is drawn."""
+NO_SCAN = LaserScan(), Pose2(0.0, 0.0, 0.0)
+"""In the place of a scan and its sensor's pose that do not hold any more: without beams nothing is drawn."""
 
 
 class Scene:
@@ -191,25 +192,26 @@ class Scene:
         seen = state.received.number, state.queries.sim, state.places
         if seen != self._looked:
             self._looked = seen
-            state.poses = state.places.look(sorted(state.robots()))
+            stands = (sim := state.queries.sim) is not None and (sim.paused or sim.finished)
+            state.poses = state.places.look(sorted(state.robots(with_bodies=True)), stands=stands)
         # Robots come and go also while nothing new comes of the others.
         number = (state.places.number, *state.poses) if state.poses or self._poses[0] else ()
         if number != self._poses[0]:
             self._poses = number, frames.encode_poses(state.poses, truth=state.places.from_truth)
         return self._poses
 
-    def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
-        """Key, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
+    def scans(self, robot_id: int, beams: int) -> Iterator[tuple[int, int, bytes]]:
+        """Index, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
         and whose place is not known any more an empty one."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
             placed, known = self._place(key, robot_id, index, found), self._blocks.get((key, beams))
             if placed is not None or known is not None:
-                number, scan, sensor = placed or _NOTHING
+                number, scan, sensor = placed or (0, *NO_SCAN)
                 if known is None or known[0] != number:
                     block = frames.encode_scan(robot_id, index, scan, sensor, beams)
                     known = self._blocks[key, beams] = number, block
-                yield key, known[0], known[1]
+                yield index, known[0], known[1]
             index += 1
 
     def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:
@@ -271,6 +273,7 @@ class Scene:
         heard = state.received.of_robots() if sim is None else []
         # What is latched tells nothing of whether a base is there.
         times = [(robot_id, arrival.time) for robot_id, topic, arrival in heard if topic not in _OF_NO_BASE]
+        goals = {each.key for each in queries.declarations if not each.publishes}  # Views have a wildcard.
         rows, speaks = {}, dict(sorted(times, key=itemgetter(1)))
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
@@ -284,7 +287,7 @@ class Scene:
                 present=speaks_now if sim is None else is_in_world,
                 alive=alive,
                 status=queries.status_of(robot_id),
-                age=now - max(queries.team.robot(robot_id).spoke, FREEZES.look()),
+                age=max(0.0, now - max(queries.team.robot(robot_id).spoke, FREEZES.look())),
                 base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
@@ -292,13 +295,16 @@ class Scene:
                 processes=processes.get(robot_id, ()),
                 amcl=amcl and amcl[1],
                 places=state.places.truth_of(robot_id) if is_in_world else None,
+                takes_goals=names.robot_key(robot_id, names.GOAL_POSE) in goals or not queries.declarations,
             )
         return {
             "robots": list(rows.values()),
             # Polygons in metres, in `base_footprint`.
             "outlines": [msgspec.Raw(outline) for outline in outlines],
             "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
-            "sim": sim_row(sim, shapes.models if shapes else ()),
+            "sim": sim_row(sim, shapes.models if shapes else (), queries.last_world),
+            # The grants that this process lacks where access is controlled.
+            "refused": queries.refused,
             "router": queries.team.link_up,
             "viewers": len(state.viewers),
             # Those that a robot can be started with, where there is a launcher, which starts robots (`up/start`).

@@ -74,27 +74,32 @@ class Places:
         self._taken[key] = arrival.number
         return arrival, message
 
-    def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
-        """The pose in `map` of each of these robots whose pose is known."""
+    def look(self, robots: Iterable[int], *, stands: bool = False) -> dict[int, Pose2]:
+        """The pose in `map` of each of these robots whose pose is known. In a world that `stands` a new robot has none
+        before the next tick: until then it is where its odometry begins."""
         arrival, static = self._take(names.TF_STATIC, TFMessage)
         if arrival and static:
             self.buffer.set_all_static(static.transforms, names.TF)
             if names.TF in self._taken:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
-        arrival, bundle = self._take(names.TF, TFMessage)
-        if arrival and bundle:
+        # Each message counts: after the one of the bases comes one of each localiser, within milliseconds.
+        for arrival in self._received.since(names.TF, self._taken.get(names.TF, 0)):
+            if (bundle := arrival.read(TFMessage)) is None:
+                continue
             stamp = bases_stamp(bundle)
             if stamp and stamp < self.stamp:
                 # Time was set back: what was known of the other time does not count.
                 self.buffer.clear()
+            self._taken[names.TF] = arrival.number
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp or self.stamp
             self.buffer.set_transforms(bundle.transforms, names.TF, self.stamp)
         found = {}
         for robot_id in robots:
             if names.TF not in self._taken:
                 self._take_truth(robot_id)
-            if (pose := self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))) is not None:
+            base, odom = (names.robot_frame(robot_id, frame) for frame in (names.BASE_FOOTPRINT, names.ODOM))
+            if pose := self.pose_of(base) or (self.pose_of(odom) if stands else None):
                 found[robot_id] = pose
         self.from_truth = names.TF not in self._taken and bool(found)
         return found
@@ -202,11 +207,13 @@ class TeamView:
         is_fast = sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
         return FAST_PERIOD if is_fast else PERIOD
 
-    def robots(self) -> set[int]:
-        """The robots of the world, and those that have a process; without a simulator all that were heard."""
+    def robots(self, *, with_bodies: bool = False) -> set[int]:
+        """The robots of the world, and those that have a process; `with_bodies` only those of the world and
+        real bases. Without a simulator all that were heard."""
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
-            return self.queries.processes().keys() | set(sim.robots)
+            held = self.queries.processes().items()
+            return {i for i, own in held if not with_bodies or names.base_name(i) in own} | set(sim.robots)
         return {robot_id for robot_id, _, _ in self.received.of_robots()} | self.queries.robots()
 
     def _localised(self) -> set[int]:

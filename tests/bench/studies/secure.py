@@ -82,7 +82,7 @@ def _measure_run(folder: Path, seconds: float, *, secure: bool) -> dict[str, flo
         after, report = resource.getrusage(resource.RUSAGE_CHILDREN), json.loads((folder / "report.json").read_text())
         if paced:
             row["start → GO, ms"] = 1e3 * report["go_after_seconds"]
-            row["lock-step, × real time"] = report["rtf"]
+            row["lock-step, × real time"] = report["real_time_factor"]
             row["user time of the run, s"] = after.ru_utime - before.ru_utime
         else:
             row["scan → command, ms"] = report["latency_ms"]["p50"]

@@ -23,7 +23,7 @@ from zteam.messages import (
     encode,
     encoding_of,
 )
-from zteam.simulator.core.occupancy_grid import MAX_CELLS
+from zteam.simulator.world.placing import MAX_MAP_CELLS
 
 
 class Wire(MemoryTransport):
@@ -101,7 +101,7 @@ def test_the_largest_map_is_small_enough() -> None:
     """What a simulator publishes is not refused for its size; a cell has one byte."""
     smallest, small = (encode(OccupancyGrid(data=np.zeros(cells, np.int8))) for cells in (1, 1001))
     assert len(small) == len(smallest) + 1000
-    assert len(small) + MAX_CELLS <= transport.MAX_PAYLOAD
+    assert len(small) + MAX_MAP_CELLS <= transport.MAX_PAYLOAD
 
 
 def test_a_message_of_another_type_is_refused(hub: MemoryHub) -> None:

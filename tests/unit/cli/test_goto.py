@@ -125,6 +125,14 @@ def test_without_waiting(navigation: FakeNavigation, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().out == "robot_1: goal sent: x 3, y 4, yaw 0\n"
 
 
+def test_a_pose_may_be_in_another_frame(navigation: FakeNavigation, capsys: pytest.CaptureFixture[str]) -> None:
+    """The goal names the frame, and so does the line of its end."""
+    command = Goto("1 2 0 --frame base_link --no-wait", navigation)
+    assert command.end() == 0
+    assert navigation.goals[0].header.frame_id == "base_link"
+    assert "in base_link" in capsys.readouterr().out
+
+
 def test_a_timeout_cancels(
     navigation: FakeNavigation, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -34,6 +34,7 @@ def nothing_runs(empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_mistake_is_answered(mistake: Mistake, capsys: pytest.CaptureFixture[str]) -> None:
     """The exit code is that of the mistake, the answer names what it must, and nothing is on standard output."""
     if name := mistake.file[0]:
+        Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_text(mistake.file[1])
     code = run_here(mistake.command)
     out, err = capsys.readouterr()

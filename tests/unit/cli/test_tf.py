@@ -4,6 +4,7 @@ import argparse
 import json
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,20 @@ def test_positions_are_printed_once(run: Run) -> None:
     assert run("zteam tf positions").out == "robot_0    x    0.000  y    0.000  yaw   0.000  at 0.0 s\n"
     (row,) = json.loads(run("zteam tf positions --json").out)
     assert (row["robot"], row["x"]) == ("robot_0", pytest.approx(-0.0002))
+
+
+def test_positions_are_known_while_the_world_stands_still(hub: MemoryHub, run: Run) -> None:
+    """What moves has said its pose before the tool began, and says nothing new: the aggregator has it."""
+    with closing(hub.bus()) as stopped:
+        desk = Desk(hub)
+        moving = stopped.publisher("robot_0/tf", TFMessage)
+        desk.node.bus.declare_token(names.token_key(names.AGGREGATOR, desk.node.bus.instance))
+        desk.start()
+        moving.put(TFMessage([stamped("map", "base_footprint", 3 * S, 2.5)]))
+        try:
+            assert run("zteam tf positions").out == "robot_0    x    2.500  y    0.000  yaw   0.000  at 3.0 s\n"
+        finally:
+            desk.end()
 
 
 def test_figures_fit_a_terminal(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:

@@ -51,6 +51,32 @@ def test_it_warns_at_none_and_publishes(tools: MemoryHub, run: Run) -> None:
     assert err == "zteam topic pub: nothing subscribes to robot_0/cmdvel: did you mean robot_0/cmd_vel?\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("Twist '{linear: {x: .nan}}'", "Twist.linear.x: expected a finite number, got nan"),
+        ("Twist '[-.inf, 0, 0] [0, 0, 0]'", ""),
+        ("PoseStamped '{pose: {orientation: {w: null}}}'", "w: expected a finite number, got None"),
+        ("PoseWithCovarianceStamped '{pose: {covariance: [.inf]}}'", "covariance: expected"),
+    ],
+)
+def test_a_place_or_velocity_that_is_no_number_is_refused(words: str, told: str, tools: MemoryHub, run: Run) -> None:
+    """Before anything is sent: the receiver would drop it without a word to the sender."""
+    heard = list[RawSample]()
+    tools.bus().subscribe_raw("x", heard.append)
+    assert told in run(f"zteam topic pub -1 x {words}", 2).err
+    assert not heard
+
+
+@pytest.mark.parametrize("number", ["1e-1", "+1E-1", "1.e-01", ".1e0", "0.1"])
+def test_a_number_may_have_an_exponent(number: str, tools: MemoryHub, run: Run) -> None:
+    """YAML 1.1 takes a number such as 1e-1 for a text."""
+    heard = list[Twist]()
+    tools.bus().subscribe("x", Twist, lambda _key, message: heard.append(message))
+    run(f"zteam topic pub -1 x Twist '{{linear: {{x: {number}}}}}'")
+    assert [twist.linear.x for twist in heard] == [0.1]
+
+
 def test_every_message_has_its_own_stamp(tools: MemoryHub) -> None:
     """A repeated message is stamped anew, at the moment of its publication."""
     clock, heard, codes = simulator(tools, 12.5).publisher(names.CLOCK, Clock), list[Time](), list[int]()

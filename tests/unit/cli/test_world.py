@@ -1,12 +1,19 @@
-"""`zteam world check | show | scan`, called with words as on a command line."""
+"""`zteam world check | show | scan | new`, called with words as on a command line."""
 
 import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from support.commands import Run
+from zteam import run_team
+from zteam.simulator.world.placing import find_misplaced
+from zteam.team.file.reading import read_team_file
+from zteam.team.launch.check import check_team
+from zteam.world import load_world
 
 TEXT = """
 define rob position (
@@ -98,3 +105,90 @@ def test_show_draws_what_lasers_see(run: Run) -> None:
     for words, count in (("", 0), ("--scan", (5 + 1) + (3 + 1))):
         run(f"zteam world show yard.world -o out.svg {words}")
         assert Path("out.svg").read_text().count("<circle") == count
+
+
+def plan(*, invert: bool = False) -> Image.Image:
+    """A hall of 8 x 3 m at 0.05 m a pixel, with margins of a metre and a transparent ground."""
+    pixels = np.zeros((100, 200, 2), np.uint8)
+    pixels[20:80, 20:180, 1] = 255
+    pixels[21:79, 21:179] = 255, 255
+    return Image.fromarray(255 - pixels[:, :, 0]) if invert else Image.fromarray(pixels)
+
+
+@pytest.mark.parametrize(
+    ("reading", "cells", "is_told"),
+    [("", [160, 60], True), ('bitmap_reading "crop"', [160, 60], True), ('bitmap_reading "whole"', [200, 100], False)],
+)
+def test_check_says_that_a_bitmap_is_cropped(run: Run, reading: str, cells: list[int], is_told: bool) -> None:
+    """From what size, and how to keep the margins, which have another scale then."""
+    plan().save("plan.png")
+    Path("crop.world").write_text(f'model ( bitmap "plan.png" size [10 5 1] {reading} )')
+    (found,) = json.loads(run("zteam world check crop.world --json").out)["floorplans"]
+    assert (found["cells"], found["picture"]) == (cells, [200, 100])
+    assert ("from 200 x 100 pixels" in (text := run("zteam world check crop.world").out)) == is_told
+    assert ('bitmap_reading "whole"' in text) == is_told
+
+
+@pytest.mark.parametrize(("robots", "margin"), [(1, False), (4, False), (40, False), (80, True)])
+def test_new_makes_a_world_of_a_picture_that_a_team_runs_in(run: Run, robots: int, margin: bool) -> None:
+    """All of the picture at its scale; robots with room stand inside, and in the margins where there are too many; the
+    team file that is named drives them."""
+    plan().save("my plan.png")
+    out = run(f"zteam world new 'my plan.png' --resolution 0.05 --robots {robots}").out
+    world = load_world("my plan.world")
+    (floor,) = world.floorplans
+    assert (floor.occupied.shape, floor.cell, floor.pose) == ((100, 200), pytest.approx((0.05, 0.05)), (0.0, 0.0, 0.0))
+    assert floor.occupied.sum() == 160 * 60 - 158 * 58
+    assert len(world.robots) == robots
+    assert world.warnings == () and not list(find_misplaced(world))
+    assert margin != all(1.0 < robot.pose.x < 9.0 and 1.0 < robot.pose.y < 4.0 for robot in world.robots)
+    assert "zteam up 'my plan.toml'" in out
+    if robots == 4:
+        report = run_team("my plan.toml", seconds=2.0)
+        assert max(row.distance_m for row in report.robots) > 0.3
+
+
+def test_new_takes_a_large_plan(run: Run) -> None:
+    """The world of 2 x 1 km has a map of cells so large that the team starts; its file may lie elsewhere."""
+    plan().save("plan.png")
+    Path("sub").mkdir()
+    run("zteam world new plan.png --resolution 10 -o sub/big.world")
+    assert check_team(read_team_file(Path("sub/big.toml"))) == Path("sub/big.world")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("plan.png", "--resolution"),
+        ("plan.png --resolution 5cm", "--resolution: '5cm'"),
+        ("plan.png --resolution 0", "--resolution: '0'"),
+        ("plan.png --resolution 0.001", "plan.png: 0.2 x 0.1 m with dark walls, and free room for 0 of 4 robots"),
+        ("dark.png --resolution 0.05 --robots 500", "free room for"),
+        ("plan.png --resolution 0.05 --robots 0", "--robots: '0'"),
+        ("yard.world --resolution 0.05", "cannot read bitmap yard.world"),
+        ("none.png --resolution 0.05", "none.png"),
+        (". --resolution 0.05", "cannot read bitmap ."),
+        ("plan.png --resolution 0.05 -o 'a\"b.world'", "a name with a quote"),
+        ("plan.png --resolution 0.05 -o none/plan.world", "cannot write none/plan.world"),
+        ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already"),
+        ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),
+        ("m.yaml --resolution 0.05", "m.yaml: this is a map of map_server, not a picture"),
+    ],
+)
+def test_new_refuses_in_a_line_and_writes_nothing(run: Run, words: str, text: str) -> None:
+    """The file or the option is named, and nothing that is there is touched."""
+    plan().save("plan.png")
+    plan(invert=True).save("dark.png")
+    Path("taken.toml").write_text("mine")
+    Path("m.yaml").write_text("image: plan.png\nresolution: 0.05\n")
+    before = {path: path.read_bytes() for path in Path().iterdir()}
+    err = run(f"zteam world new {words}", 1 if "none/" in words else 2).err
+    assert text in err and err.count("\n") == 1
+    assert {path: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_new_overwrites_when_told(run: Run) -> None:
+    """With --force both files are new."""
+    plan().save("yard.png")
+    run("zteam world new yard.png --resolution 0.05 --force")
+    assert len(load_world("yard.world").robots) == 4

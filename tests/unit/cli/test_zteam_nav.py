@@ -39,3 +39,13 @@ def test_names_that_are_not_known_are_listed_once(caplog: pytest.LogCaptureFixtu
     assert [record.getMessage() for record in caplog.records] == [
         "2 parameters are not known here and have no effect: amcl.beam_skip_distance, amcl.do_beamskip"
     ]
+
+
+def test_what_is_replaced_in_a_file_of_nav2_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """In one line, for all robots together."""
+    file = tmp_path / "nav2.yaml"
+    file.write_text("controller_server: {ros__parameters: {FollowPath: {plugin: 'dwb_core::DWBLocalPlanner'}}}")
+    with caplog.at_level(logging.WARNING, "zteam"):
+        read("--ids", "0-3", "--params", str(file))
+    (record,) = caplog.records
+    assert f"{file}: controller_server.FollowPath.plugin: dwb_core::DWBLocalPlanner" in record.getMessage()

@@ -1,6 +1,7 @@
 """`zteam view` and `zteam up --view`: their options, and what they print."""
 
 import ipaddress
+import os
 import re
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from support.limits import LIMIT
 from zteam.cli import processes
 from zteam.errors import UsageError
 from zteam.node.process_options import ViewOptions
-from zteam.view.node import address_of, has_browser, own_address, page_url, qr_code, read_layout
+from zteam.view.node import address_of, has_browser, open_page, own_address, page_url, qr_code, read_layout
 from zteam.view.server import listen
 
 
@@ -51,13 +52,30 @@ def test_the_environment_says_where_a_page_is(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_browser_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without one a text browser would take the terminal."""
+    """Without one there is nothing to open a page with."""
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
         monkeypatch.delenv(name, raising=False)
     assert not has_browser()
     monkeypatch.setenv("DISPLAY", ":0")
     assert has_browser()
+
+
+def test_a_browser_opens_the_page_out_of_the_terminal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It gets the address, and neither the terminal nor a place to print; who opens the page does not wait for it."""
+    browser, told, ends = tmp_path / "browser", tmp_path / "told", tmp_path / "ends"
+    os.mkfifo(told)
+    os.mkfifo(ends)
+    browser.write_text(
+        f'#!/bin/sh\n(echo "$1"; readlink /proc/self/fd/0; tty </dev/tty) >{told} 2>&1\nread _ <{ends}\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER", str(browser))
+    open_page("http://127.0.0.1:1/#token=t")
+    address, standard_input, *terminal = told.read_text().splitlines()
+    assert (address, standard_input) == ("http://127.0.0.1:1/#token=t", "/dev/null")
+    assert not any(line.startswith("/dev/") for line in terminal)
+    ends.write_text("\n")
 
 
 def test_a_layout_is_checked_before_anything_starts(tmp_path: Path) -> None:

@@ -12,6 +12,15 @@ from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("5e-2", 0.05), ("-2E3", -2000.0), ("+.5e1", 5.0), ("1.e-1", 0.1), ("e5", "e5"), ("1e", "1e"), ("'5e-2'", "5e-2")],
+)
+def test_a_number_with_an_exponent_is_a_number_in_yaml(text: str, value: object) -> None:
+    """Also without a dot, as in YAML 1.2; a text in quotes stays a text."""
+    assert resources.load_yaml(f"key: [{text}]") == {"key": [value]}
+
+
 def test_team_files_are_found_by_name() -> None:
     """A shipped team is found with and without its suffix, and only directly in its folder."""
     found = resources.shipped_team("line")

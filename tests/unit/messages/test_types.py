@@ -104,6 +104,11 @@ def test_messages_are_typed_as_json_or_yaml(text: str) -> None:
     assert from_text(Twist, text).angular.z == 0.0
 
 
+def test_a_number_with_an_exponent_is_one_without_a_dot_too() -> None:
+    """As YAML 1.2 and ROS read it."""
+    assert from_text(Twist, "{linear: {x: 5e-2}}").linear.x == 0.05
+
+
 @pytest.mark.parametrize(
     ("kind", "text", "place"),
     [

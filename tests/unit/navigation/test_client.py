@@ -93,7 +93,7 @@ def test_a_navigation_that_runs_need_not_be_started(hub: MemoryHub, client: Navi
     """It holds its name, but says nothing: there is no simulator, or simulated time stands still."""
     assert client.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
     silent = FakeNavigation(hub, 1)
-    assert client.lack.startswith("the first status of nav_1: it runs, but no tick of a simulator")
+    assert client.lack == "the first status of nav_1, which runs: see 'zteam doctor'"
     FakeNavigation(hub, 1, go_to=True).say(NavigationState.IDLE)
     assert client.taker == ""
     silent.end()

@@ -51,7 +51,7 @@ def test_goals_keep_their_order_and_lines(tmp_path: Path) -> None:
         ("- {robot: 1, x: 1, y: 2, yaww: 3}\n", [":1: unknown key 'yaww' (did you mean yaw?); known: robot, x, "]),
         ("- {robot: 1, x: 1, x: 2, y: 2}\n", [":1: x is given twice"]),
         ("- {robot: -1, x: 1, y: 2}\n", [":1: robot id '-1' is not a whole number from 0 to 9999"]),
-        ("- {robot: 1, x: .nan, y: 1:30}\n", [":1: '.nan': give x in metres from -1e+06 to"]),
+        ("- {robot: 1, x: .nan, y: 1:30}\n", [":1: '.nan': give x in metres from -1e+08 to"]),
         ("- {robot: 1, x: 1, y: [2]}\n", [":1: '': give y in metres"]),
         ("- {robot: 1, x: 1, y: 1:30}\n", [":1: '1:30': give y in metres"]),
         ("- {robot: 1, x: 1, y: 2, yaw: 90}\n", [":1: yaw: 90 is more than a full turn; angles are radians"]),

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ from zteam.cli import listening
 from zteam.cli import main as zteam
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.messages import OccupancyGrid, Point, Pose, decode, encode
+from zteam.messages import Header, OccupancyGrid, Point, Pose, decode, encode
 from zteam.navigation.map_server import run_map_server
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.maps import map_grid, map_message, read_map
@@ -27,8 +28,8 @@ VALUES = np.array([[0, 100, -1, 30], [65, 25, 26, 64]], np.int8)
 
 @pytest.fixture
 def grid() -> GridMap:
-    """A map that is turned and lies away from the origin, with values of all kinds."""
-    return make_map(VALUES, 0.05, Pose2(-3.5, 2.25, 0.25))
+    """A map that is turned and lies in the grid of a country (UTM with its zone), with values of all kinds."""
+    return make_map(VALUES, 0.05, Pose2(32_455_123.5, 5_411_932.25, 0.25))
 
 
 @pytest.fixture
@@ -62,9 +63,11 @@ def test_a_map_survives_the_bus(grid: GridMap) -> None:
 
 
 def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
-    """A map whose numbers do not fit is no map."""
+    """A map whose numbers do not fit is no map, and one in another frame is none of `map`."""
     with pytest.raises(UsageError, match="the map has 0 values for 0 x 0 cells"):
         map_grid(OccupancyGrid())
+    with pytest.raises(UsageError, match="in the frame 'odom'"):
+        map_grid(msgspec.structs.replace(map_message(grid), header=Header(frame_id="/odom")))
     nowhere = Pose(Point(math.nan, 0.0, 0.0))
     for field, value, text in (
         ("width", 5, "8 values for 5 x 2"),

@@ -1,5 +1,6 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 import zteam
 from support.limits import LIMIT
 from support.lockstep_doubles import HarnessFactory, ScriptedSimulator
+from support.log_capture import captured_log
 from support.played_node import play
 from support.transforms import stamped
 from zteam import names
@@ -59,6 +61,26 @@ def test_its_step_follows_the_simulators_clock(
     play(node, steps.append, script(), period=period)
     assert steps == [tick * TICK for tick in expected]
     assert resets == ([TICK] if ticks[0] == 500 else [])
+
+
+CALLS: list[tuple[Callable[[Any], object], str]] = [
+    (lambda node: node.subscribe("robot_*/odom", Odometry, print), "write 'robot_$*/odom'"),
+    (lambda node: node.subscribe("/robot_0/odom", Odometry, print), "write 'robot_0/odom'"),
+    (lambda node: node.publisher("/planner//plan", Bool), "write 'planner/plan'"),
+    (lambda node: node.publisher("plan/", Bool), "write 'plan'"),
+    (lambda node: node.subscribe("map", Bool, lambda message: None), "takes the key and the message"),
+    (lambda node: node.subscribe("map", Bool, None), "def on_message(key, message)"),
+    (lambda node: node.watch_tokens("sim/alive/*", lambda key: None), "takes the key and whether"),
+    (lambda node: node.run(None), "write node.run(step)"),
+    (lambda node: node.run(lambda: None), "def step(now)"),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), CALLS, ids=[words for _, words in CALLS])
+def test_a_call_that_cannot_work_is_refused_at_once(make: Make, call: Callable[[Any], object], words: str) -> None:
+    """The error says what to write, and the node holds nothing of it."""
+    with pytest.raises(UsageError, match=re.escape(words)):
+        call(make())
 
 
 def test_a_jump_back_forgets_what_waits_for_a_tick(hub: MemoryHub, make: Make) -> None:
@@ -120,6 +142,65 @@ def test_in_wall_time_its_steps_are_a_period_apart(make: Make, monkeypatch: pyte
     begin = steps[0]
     for count, moment in enumerate(steps):
         assert 0 <= moment - begin - count * round(period * 1e9) <= 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("period", "expected"),
+    [(0.1, range(1, 13)), (0.03, range(1, 13)), (0.2, range(1, 13, 2)), (0.25, [1, 4, 6, 9, 11]), (1.0, [1, 11])],
+)
+def test_in_lock_step_its_steps_are_a_period_apart_in_ticks(
+    hub: MemoryHub, period: float, expected: Sequence[int]
+) -> None:
+    """Each moment of the period is taken by the first tick after it, as by the simulator's clock in real time. After a
+    reset the first tick has a step."""
+    steps, taken = list[int](), list[object]()
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("camera/seen", Bool, lambda *seen: taken.append(seen))
+        node.run(steps.append, period=period)
+
+    with run_node(main, hub) as running:
+        for _ in range(2):
+            steps.clear()
+            for _ in range(12):
+                running.publish("camera/seen", Bool(True))
+                running.tick()
+            assert steps == [tick * TICK for tick in expected]
+            running.reset()
+    # What comes between two steps waits for none.
+    assert len(taken) == 24
+
+
+def test_a_node_is_told_of_keys_that_nothing_publishes(
+    hub: MemoryHub, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once, after a while, and not before a team is there: the key that may be meant is named."""
+    for name in ("HEARTBEAT", "_SEARCH_AFTER"):
+        monkeypatch.setattr(node_module, name, 0.0)
+    node, publisher = make(), hub.bus().publisher(names.CLOCK, Clock)
+    for key in ("robot_0/scan", "robot_$*/odomm", "robot_1/odom", "plan"):
+        node.subscribe(key, Odometry, lambda _key, _message: None)
+    team = hub.bus()
+
+    def script() -> Iterator[None]:
+        for tick in range(1, 7):
+            publisher.put(Clock(time_from_ns(tick * TICK)))
+            if tick == 4:
+                assert log.count("nothing publishes") == 0
+                for key in ("robot_0/odom", "robot_0/base_scan", "robot_1/odom"):
+                    team.publisher(key, Odometry)
+            yield
+            if node._searching is not None:
+                node._searching.join(LIMIT)
+
+    with captured_log() as log:
+        play(node, lambda _now: None, script())
+    told = [line for line in log.lines if "nothing publishes" in line]
+    assert told == [
+        "nothing publishes plan",
+        "nothing publishes robot_$*/odomm: did you mean robot_0/odom or robot_1/odom?",
+        "nothing publishes robot_0/scan: did you mean robot_0/base_scan?",
+    ]
 
 
 @pytest.mark.parametrize("last", ["robot_1/odom", "tf"])

@@ -8,6 +8,7 @@ import pytest
 import zteam
 from support.limits import LIMIT
 from support.lockstep_doubles import HarnessFactory, ScriptedMonitor
+from support.log_capture import captured_log
 from support.played_node import play
 from zteam import names
 from zteam.bus import MemoryHub
@@ -93,6 +94,34 @@ def test_in_real_time_it_boots_is_ready_and_goes(team: Team, make: Make, name: s
 
     play(make_robot(make, name), team.step, script(), gate=True)
     assert bool(team.statuses) == is_robot
+
+
+LACKS, IS_READY = f"boot: waiting for {ODOM}", "ready: waiting for the monitor's GO (zteam-monitor)"
+
+
+@pytest.mark.parametrize(
+    ("in_team", "is_late", "told"),
+    [(False, False, [LACKS, IS_READY]), (True, False, []), (True, True, [LACKS])],
+    ids=["by hand", "in a team", "later"],
+)
+def test_a_robot_of_a_team_leaves_to_the_monitor_what_it_waits_for(
+    team: Team, make: Make, in_team: bool, is_late: bool, told: list[str]
+) -> None:
+    """Until GO; one that comes later logs what it lacks. A process started by hand logs that too, and the way out."""
+
+    def script() -> Iterator[None]:
+        if is_late:
+            team.monitor.give_go(7, 9 * TICK)
+        team.pass_to(1)
+        yield
+        team.observe(1)
+        yield
+
+    node = make_robot(make)
+    node.in_team = in_team
+    with captured_log() as log:
+        play(node, team.step, script(), gate=True)
+    assert [line for line in log.lines if "waiting for" in line][1:] == told
 
 
 @pytest.mark.usefixtures("patient")

@@ -91,4 +91,4 @@ def test_the_status_is_published_at_each_change_and_its_reason_is_logged_once(hu
         readiness.drive("obstacle ahead")
         report.tell(logged=False)
         report.tell()
-    assert log.lines == ["running: too many beams say nothing"]
+    assert log.lines == ["too many beams say nothing"]

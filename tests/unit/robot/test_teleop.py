@@ -96,6 +96,29 @@ def test_a_key_that_is_held_down_is_pressed_once() -> None:
     assert not any(pilot.press(key, 11.0) for key in (FOCUS_LOST, FOCUS_GAINED, HELP, "q", NEXT))
 
 
+@pytest.mark.parametrize(
+    ("key_timeout", "presses", "stands"),
+    [
+        (None, [0.0, 0.33, 0.66], [0.97]),
+        (0.5, [0.0, 0.33, 0.66, 0.99, 1.32], [1.83]),
+        (2.0, [0.0], [2.01]),
+        (2.0, [0.0, 0.5], [2.51]),
+        (0.2, [0.0], [0.21]),
+    ],
+)
+def test_a_key_counts_as_long_as_the_user_says(
+    key_timeout: float | None, presses: list[float], stands: list[float]
+) -> None:
+    """From each press and each repeat on: one that repeats three times a second, or not at all, drives evenly."""
+    pilot, moving = Pilot((0,), 0.5, 1.0, key_timeout), []
+    for moment in presses:
+        moving.append(pilot.command(moment - 0.01) == AHEAD)
+        pilot.press("i", moment)
+    assert moving == [False] + [True] * (len(presses) - 1)
+    assert [pilot.command(moment - 0.02) for moment in stands] == [AHEAD]
+    assert [pilot.command(moment) for moment in stands] == [STILL]
+
+
 def test_speed_keys_change_the_motion_under_way() -> None:
     """q makes both 10 % faster, x and c slower, within bounds; the key that drives goes on to count."""
     pilot = make_pilot()

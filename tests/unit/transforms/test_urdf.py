@@ -13,7 +13,8 @@ from zteam.transforms.urdf import read_description
 
 URDF = """<?xml version="1.0"?>
 <robot name="bot">
-  <link name="base_link"/>
+  <link name="base_link"/><link name="camera"/><link name="wheel_left"/><link name="wheel_right"/>
+  <link name="hook"/><link name="cable"/>
   <joint name="camera_joint" type="fixed">
     <parent link="base_link"/><child link="camera"/><origin xyz="0.1 0 0.3" rpy="0 0 1.5707963267948966"/>
   </joint>
@@ -30,14 +31,15 @@ URDF = """<?xml version="1.0"?>
 """
 
 
-def joint(name: str, parent: str, child: str, rest: str = "") -> str:
-    """A joint that turns."""
-    return f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>{rest}</joint>'
+def joint(name: str, parent: str, child: str, rest: str = "", kind: str = "continuous") -> str:
+    """A joint, which turns unless it is of another kind."""
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{rest}</joint>'
 
 
-def joints(*parts: str) -> str:
-    """A robot of these."""
-    return f"<robot>{''.join(parts)}</robot>"
+def robot(links: str, *parts: str, attributes: str = "") -> str:
+    """A robot of these links, each a letter, and these joints."""
+    elements = "".join([f'<link name="{link}"/>' for link in links] + [*parts])
+    return f"<robot {attributes}>{elements}</robot>"
 
 
 @pytest.fixture
@@ -80,27 +82,101 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
         assert read_description(urdf).moving_transforms(still) == []
 
 
+def mimic(name: str, child: str, leader: str, factor: float = 1.0) -> str:
+    """A joint on link x that follows another one."""
+    return joint(name, "x", child, f'<mimic joint="{leader}" multiplier="{factor}"/>')
+
+
+def position_of(path: Path, text: str, said: dict[str, float], child: str) -> float | None:
+    """The angle of a link about its joint's axis after joint states; None if it has no transform."""
+    path.write_text(text)
+    state = JointState(name=[*said], position=np.array([*said.values()]))
+    found = by_child(read_description(path).moving_transforms(state)).get(child)
+    return None if found is None else 2 * math.atan2(found.transform.rotation.x, found.transform.rotation.w)
+
+
+@pytest.mark.parametrize(
+    ("said", "angle"),
+    [
+        ({"c": 0.1}, 0.1 * 2 * 3),
+        ({"b": 0.1}, 0.3),
+        ({"a": 0.1, "b": 0.2, "c": 0.3}, 0.1),
+        ({"c": 0.3, "a": math.nan}, 1.8),
+        ({"d": 0.1}, None),
+    ],
+)
+def test_a_mimic_follows_what_is_known(tmp_path: Path, said: dict[str, float], angle: float | None) -> None:
+    """A mimic follows through a chain in any order of the file; a position that is published for it goes first."""
+    text = robot("xabc", mimic("a", "a", "b", 3.0), mimic("b", "b", "c", 2.0), joint("c", "x", "c"))
+    assert position_of(tmp_path / "x.urdf", text, said, "a") == (angle if angle is None else pytest.approx(angle))
+
+
+GAZEBO = '<gazebo reference="x"><sensor:camera gz:name="a"/></gazebo>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        robot("xy", joint("a", "x", "y", '<axis xyz="0 0 0"/>', "fixed")),
+        robot("xy", joint("a", "x", "y", '<axis xyz="no"/>', "fixed")),
+        robot("xy", joint("a", "x", "y", '<axis xyz="0 0 0"/>', "floating")),
+        robot("xy", joint("a", "x", "y", '<axis xyz="0 0 0"/>', "planar")),
+        robot("xy", joint("a", "x", "y", '<limit effort="?"/><dynamics damping="?"/>')),
+        robot("xy", joint("a", "x", "y"), GAZEBO, attributes='xmlns:xacro="http://www.ros.org/wiki/xacro"'),
+        robot("xy", joint("a", "x", "y"), attributes='xmlns="http://www.ros.org"'),
+        "<!DOCTYPE robot>" + robot("xy", joint("a", "x", "y"), "<transmission><joint name='a'/></transmission>"),
+    ],
+)
+def test_what_is_not_read_is_no_mistake(tmp_path: Path, text: str) -> None:
+    """Elements that a joint of its kind does not use, and those of other programs, refuse no file."""
+    path = tmp_path / "x.urdf"
+    path.write_text(text)
+    assert [(each.name, each.parent, each.child) for each in read_description(path).joints] == [("a", "x", "y")]
+
+
+XACRO = "is of xacro"
+
+
 @pytest.mark.parametrize(
     ("text", "error"),
     [
         ("<robot", "not XML"),
         ("<model/>", "which is a <robot>"),
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
-        ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro/></robot>', "xacro"),
-        ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, a type"),
-        ('<robot><joint name="a" type="fixed"><parent link="x"/></joint></robot>', "child link"),
-        (joints(joint("a", "x", "y", '<origin xyz="1 2"/>')), "origin xyz must be 3 finite numbers"),
-        (joints(joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),
-        (joints(joint("a", "x", "y"), joint("b", "z", "y")), "'y' hangs on 2 joints"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]><robot name="&a;"/>', ":1: a robot description defines no entities"),
+        (robot("x", "<xacro:macro/>", attributes='xmlns:xacro="http://www.ros.org/wiki/xacro"'), XACRO),
+        (robot("x", "<xacro:macro/>", attributes='xmlns:xacro="http://ros.org/wiki/xacro"'), XACRO),
+        (robot("x", "<x:macro/>", attributes='xmlns:x="http://wiki.ros.org/xacro/"'), XACRO),
+        (robot("x", "\n<xacro:macro/>"), f":2: <xacro:macro> {XACRO}"),
+        (robot("x").replace("x", "${namespace}base_link"), XACRO),
+        (robot("x", '<link name="y"><mesh filename="$(find me)/a.stl"/></link>'), XACRO),
+        (robot("x", '\n<joint name="a" type="ball"/>'), ":2: joint 'a': needs a type"),
+        (robot("x", '<joint name="a" type="fixed"><parent link="x"/></joint>'), "child link"),
+        (robot("xy", joint("", "x", "y")), "needs a name"),
+        (robot("xy", joint("a", "x", "y", '<origin xyz="1 2"/>')), "origin xyz must be 3 finite numbers"),
+        (robot("xy", joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),
+        (robot("xy", joint("a", "x", "y", "<mimic/>")), "needs <mimic joint=…/>"),
+        (robot("xyz", joint("a", "x", "y"), joint("b", "z", "y")), ":1: joint 'b': link 'y' hangs on a joint above"),
+        (robot("xyz", joint("a", "x", "y"), joint("a", "x", "z")), "joint 'a': "),
+        (robot("xx"), "link 'x': "),
+        (robot(""), "has one <link> that hangs on no joint; here: none"),
+        (robot("xy"), ":1: a robot has one <link> that hangs on no joint; here: x, y"),
+        (robot("x", joint("a", "base_link", "x"), '<link name="base_lnk"/>'), "base_link.*did you mean base_lnk"),
+        (robot("x", joint("a", "x", "y")), "joint 'a': there is no <link name=\"y\"/>"),
+        (robot("xy", joint("a", "x", "y"), joint("b", "y", "x")), "here: none"),
+        (robot("xyz", joint("a", "y", "z"), joint("b", "z", "y")), "link '.': it hangs on or mimics itself"),
+        (robot("xab", mimic("a", "a", "b"), mimic("b", "b", "a")), "joint '.': it hangs on or mimics itself"),
+        (robot("xa", mimic("a", "a", "a")), "joint '.': it hangs on or mimics itself"),
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> None:
-    """The error names the file, the joint and the mistake."""
+    """The error names the file, the line, the joint and the mistake."""
     path = tmp_path / "x.urdf"
     path.write_text(text)
     with pytest.raises(ConfigError, match=error) as caught:
         read_description(path)
     assert "x.urdf" in str(caught.value)
+    assert "\n" not in str(caught.value)
     with pytest.raises(ConfigError, match="cannot read"):
         read_description(tmp_path / "gone.urdf")
 

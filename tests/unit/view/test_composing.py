@@ -3,8 +3,10 @@
 from types import SimpleNamespace
 from typing import Any
 
+from zteam.geometry import Pose2
 from zteam.view.commands import Tile
 from zteam.view.composing import FRAME_BYTES, Composer
+from zteam.view.frames import _HEADER, encode_poses
 from zteam.view.received import Received, Viewer
 from zteam.view.requests import Look
 
@@ -56,3 +58,15 @@ def test_tiles_that_the_page_has_need_no_room() -> None:
     page.change(COSTMAPS[0], 1)
     assert page.next_frame() == {COSTMAPS[0]}
     assert not page.viewer.cut
+
+
+def test_poses_that_no_message_brought_have_no_age() -> None:
+    """Those of a world that stands come of static transforms: a page must not say that they are hours old."""
+    page = Page()
+    composer: Any = page._composer
+    composer._state.places, composer._state.queries.sim = SimpleNamespace(stamp=5, time=0.0, pose_of=None), None
+    composer._state.drawables.of = lambda _layer: []
+    composer._scene.poses = lambda: ((0, 1), encode_poses({1: Pose2(1.0, 0.0, 0.0)}, truth=False))
+    composer._docs = lambda _viewer, _now: []
+    frame = composer.compose(page.viewer)
+    assert frame is not None and _HEADER.unpack_from(frame)[-1] == -1.0

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from zteam.bus.transport import Declaration
+from zteam.bus.graph import KeyRow
 from zteam.geometry import Pose2
 from zteam.messages import (
     Duration,
@@ -29,7 +29,7 @@ from zteam.messages import (
 from zteam.messages.nav_msgs import MapMetaData
 from zteam.view.commands import make_tiles, room_in
 from zteam.view.documents import MarkerBoard, as_document, drawn_polygon, fiducials_of, sonar_of
-from zteam.view.queries import rates, topic_rows
+from zteam.view.queries import topic_row
 from zteam.view.received import Drawables, Received, Topic
 
 ONE_LEFT = Pose2(0.0, 1.0, math.pi / 2)
@@ -163,22 +163,11 @@ def test_types_are_learnt_from_the_first_message() -> None:
     assert (drawables.of("plans"), drawables.of("markers")) == (["my/path"], ["my/marks"])
 
 
-def test_rates_are_those_of_the_busiest_receiver() -> None:
-    """What each process has received grows; a key that nothing receives has no rate."""
-    before = {"a/stats": {"x": 5}, "b/stats": {"x": 0, "z": 9}}
-    after = {"a/stats": {"x": 25}, "b/stats": {"x": 4, "z": 3}, "c/stats": {"y": 100}}
-    assert rates(before, after, 2.0) == {"x": 10.0, "z": 0.0}
-    assert rates({}, after, 2.0) == {}
-
-
-def test_users_of_a_wildcard_use_each_robots_key() -> None:
-    """A key has as many users as declarations reach it."""
-    declared = [
-        Declaration("robot_0/odom", "s", True),
-        Declaration("robot_$*/odom", "t", False),
-        Declaration("**", "u", False),
+def test_a_topic_has_the_type_and_rate_of_what_came() -> None:
+    """One of which nothing came in the survey has no rate; a single message says little about one."""
+    rows = [
+        KeyRow("crowd/alarm", "std_msgs/msg/Bool", count, rate=rate) for count, rate in ((9, 7.31), (1, 0.83), (0, 0.0))
     ]
-    rows = {row["key"]: row for row in topic_rows(declared, {"robot_0/odom": 9.96}, [0, 1])}
-    assert sorted(rows) == ["robot_0/odom", "robot_1/odom"]
-    row = rows["robot_0/odom"]
-    assert [*row.values()] == ["robot_0/odom", "nav_msgs/msg/Odometry", 10.0, 1, 2]
+    assert [topic_row(row)["hz"] for row in rows] == [7.3, 1.0, None]
+    row = topic_row(KeyRow("mine", publishers=["a"], subscribers=["b", "c"], type=""))
+    assert [*row.values()] == ["mine", "", None, 1, 2]

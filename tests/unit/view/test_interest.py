@@ -3,6 +3,7 @@
 from zteam.geometry import Pose2
 from zteam.view.received import (
     MAX_SCANNED,
+    REACH,
     Drawables,
     Received,
     Viewer,
@@ -38,7 +39,7 @@ def test_without_a_page_there_is_nothing() -> None:
 
 def test_scans_are_those_of_robots_in_sight() -> None:
     """And of the selected ones, and of the one that is followed."""
-    view = [-1.0, -1.0, 6.0, 1.0]
+    view = [-1.0, -1.0, 1.0, 1.0]
     assert {key for key in keys(viewer(Look(view, ["scans"]))) if "scan" in key} == {
         "robot_0/base_scan$*", "robot_1/base_scan$*",
     }  # fmt: skip
@@ -125,7 +126,7 @@ def test_a_page_sees_what_is_in_its_viewport() -> None:
     page = viewer(Look())
     assert page.sees(1e5, 0.0)
     page.look = Look(viewport=[0.0, 0.0, 2.0, 1.0])
-    assert (page.sees(2.0, 1.0), page.sees(2.1, 0.5)) == (True, False)
+    assert (page.sees(2.0, 1.0), page.sees(2.1 + REACH, 0.5)) == (True, False)
 
 
 def test_a_page_watches_a_bounded_number_of_topics() -> None:

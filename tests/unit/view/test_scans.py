@@ -25,8 +25,10 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.view import scene as scenes
-from zteam.view.frames import encode_scan
-from zteam.view.received import Received
+from zteam.view.composing import Composer
+from zteam.view.frames import _SCAN, encode_scan
+from zteam.view.received import Received, Viewer
+from zteam.view.requests import Look
 from zteam.view.scene import Scene
 from zteam.view.team_view import Places
 
@@ -53,7 +55,9 @@ class Sent:
 
     def bundle(self, tick: int) -> None:
         """The transforms of a tick: a metre a tick."""
-        self.received.take("tf", encode(TFMessage([stamped("robot_0/odom", BASE, tick * TICK, float(tick))])))
+        self.received.take(
+            "tf", encode(TFMessage([stamped("robot_0/odom", BASE, tick * TICK, float(tick))])), topic="tf"
+        )
 
     def static(self, parent: str = BASE) -> None:
         """Where odometry begins, and the laser on the robot."""
@@ -93,6 +97,22 @@ def test_a_scan_waits_for_the_transforms_of_its_tick(sent: Sent) -> None:
     assert sent.drawn() == (2, 12.1)
 
 
+def test_a_scan_that_is_not_sent_any_more_leaves_the_map(sent: Sent) -> None:
+    """A page whose view the robot has left gets one empty scan; when the robot is back in it, its scan comes again. A
+    robot just beside the view is shown, as its beams reach into it."""
+    sent.bundle(1)
+    sent.scan(1)
+    sent.drawn()
+    composer, page = Composer(sent.state), Viewer(1, may_command=False)
+    composer._scene = sent.scene
+
+    def beams(x: float) -> list[int]:
+        page.look = Look([x - 1.0, -1.0, x + 1.0, 1.0], ["scans"])
+        return [_SCAN.unpack_from(block, 8)[1] for block in composer._scans(page)]
+
+    assert [beams(x) for x in (11.0, 11.0, 90.0, 90.0, 11.0, 14.0)] == [[1], [], [0], [], [1], []]
+
+
 def test_a_view_that_always_gets_the_next_scan_first_shows_each(sent: Sent) -> None:
     """A scan that waits is not replaced by the next one, or none would ever be shown."""
     sent.bundle(1)
@@ -112,7 +132,7 @@ def test_a_seldom_localiser_holds_no_scan_up(sent: Sent) -> None:
     sent.received.take("tf_static", encode(TFMessage([stamped(BASE, LASER, 0, 0.1)])))
     for tick in (1, 4):
         bases = stamped("robot_0/odom", BASE, tick * TICK, float(tick))
-        sent.received.take("tf", encode(TFMessage([bases, moving] if tick == 1 else [bases])))
+        sent.received.take("tf", encode(TFMessage([bases, moving] if tick == 1 else [bases])), topic="tf")
         sent.drawn()
     sent.scan(3)
     assert sent.drawn() == (3, 13.1)
@@ -168,8 +188,8 @@ def test_a_scan_is_taken_off_the_page_when_its_frame_is_lost(sent: Sent, monkeyp
     now = scenes.monotonic()
     monkeypatch.setattr(scenes, "monotonic", lambda: now + 2 * scenes.PATIENCE)
     for _ in range(2):
-        ((key, _, block),) = sent.scene.scans(0, 360)
-        assert (key, block) == ("robot_0/base_scan", encode_scan(0, 0, LaserScan(), Pose2(0.0, 0.0, 0.0), 360))
+        ((index, _, block),) = sent.scene.scans(0, 360)
+        assert (index, block) == (0, encode_scan(0, 0, LaserScan(), Pose2(0.0, 0.0, 0.0), 360))
     sent.static()
     assert sent.drawn() == (2, 12.1)
 

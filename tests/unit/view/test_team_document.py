@@ -90,10 +90,10 @@ def test_the_simulator_runs_stands_or_is_not_there() -> None:
     status = SimStatus("w", [0], 100, 1, 0, 5, 0.987, paused=True, lockstep=True, waiting_for="robot_1")
     row = sim_row(status, ["b", "a"])
     assert row == {
-        "present": True, "state": "paused", "speed": 1.0, "rtf": 0.99, "lockstep": True, "waits_for": "robot_1",
-        "models": ["a", "b"], "tick": 5,
+        "present": True, "world": "w", "state": "paused", "speed": 1.0, "rtf": 0.99, "lockstep": True,
+        "waits_for": "robot_1", "models": ["a", "b"], "tick": 5,
     }  # fmt: skip
-    assert sim_row(None, ())["present"] is False
+    assert [sim_row(None, (), world)["state"] for world in ("", "w")] == ["", "gone"]
 
 
 def place_row(places: tuple[Pose2, Pose2] | None = None, variance: float = 0.0, **world: Any) -> dict[str, Any]:
@@ -116,10 +116,10 @@ def test_a_lost_robot_says_so() -> None:
 
 
 def test_a_robot_stands_for_a_reason() -> None:
-    """With its world, without a word of its own, and when it was taken out of the world."""
-    assert place_row(paused=True)["reason"] == "the world is paused"
+    """Without a word of its own, and when it was taken out of the world: then it does not run, whatever it says."""
     standing = msgspec.structs.replace(RUNNING, speed=0.0)
     assert row_of(alive=True, status=standing)["reason"]
     sim = SimStatus("w", [], 100, 1, 0, 5, 1.0)
     gone = robot_row(1, Outlines(), present=False, alive=True, status=RUNNING, sim=sim, processes=["nav_1", "robot_1"])
     assert gone["reason"] == "not in the world; nav_1, robot_1 still run"
+    assert (gone["state"], gone["speed"]) == ("absent", None)

@@ -8,6 +8,7 @@ from zteam.bus.receiving import KeyCount
 from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
+from zteam.errors import did_you_mean
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.messages.topics import has_one_writer, is_sensed
 from zteam.monitor.doctor.facts import Facts, Finding, note, ok, problem
@@ -101,35 +102,76 @@ def check_readiness(facts: Facts) -> Iterator[Finding]:
             yield note("robots", f"{name} stands: {reason}")
 
 
-def check_frames(facts: Facts) -> Iterator[Finding]:
-    """Robots that stand and have no pose in `map`, with the transform that lacks."""
-    for robot_id in facts.robots if facts.frames is not None else ():
-        status = facts.statuses.get(robot_id)
-        gap = _gap(facts.frames or {}, robot_id)
-        if gap is None or (status is not None and status.speed) or facts.lacks(robot_id):
-            continue
-        parent, child = gap
-        tf, fixed = (names.robot_key(robot_id, topic) for topic in (names.TF, names.TF_STATIC))
-        said = f"{fixed} or {tf}" if parent == names.MAP_FRAME else tf
-        text = f"{names.robot_name(robot_id)} has no pose in map: no process says {parent} -> {child}"
-        yield problem("transforms", text, f"it is due on {said}: see 'zteam topic info {said.split()[0]}'")
+def check_strays(facts: Facts) -> Iterator[Finding]:
+    """Processes that publish transforms where only the aggregator does."""
+    sessions = {node.instance for node in facts.nodes if node.name == names.AGGREGATOR}
+    aggregator = {node.name for node in facts.nodes if node.instance in sessions}
+    writers = {writer for key in (names.TF, names.TF_STATIC) for writer in facts.writers.get(key, ())}
+    if strays := sorted(writers - aggregator):
+        text = f"{', '.join(strays)} publishes on tf or tf_static: those of a robot are due on robot_N/tf, …_static"
+        yield problem("transforms", text, "give each zenoh-bridge-ros2dds the namespace /robot_N, or rename its topics")
+
+
+def check_bases(facts: Facts) -> Iterator[Finding]:
+    """Robots whose base cannot be used as it is, and frames that hang on nothing."""
+    yield from filter(None, (_base_problem(facts, robot_id) for robot_id in facts.robots))
+    frames, due = facts.frames or {}, (names.ODOM, names.BASE_FOOTPRINT)
+    told = {robot_id for robot_id in facts.robots if _gap(frames, robot_id)}
+    # One child of each.
+    for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
+        robot_id, local = names.split_robot_key(parent) or (-1, parent)
+        if parent not in {*frames, *names.GLOBAL_FRAMES} and robot_id not in told and local not in due:
+            step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
+            step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
+            yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
+
+
+def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
+    """Stamps that are not of now; or, of a robot that stands, the transform that lacks between `map` and its base."""
+    robot, status = names.robot_name(robot_id), facts.statuses.get(robot_id)
+    for key, seconds in sorted(facts.leads.items()):
+        # A robot does not drive by data that is older than LATE.
+        if key.startswith(f"{robot}/") and abs(seconds) > LATE + APART:
+            text = f"{key} is stamped {abs(seconds):.1f} s {'ahead of' if seconds > 0.0 else 'behind'} this host"
+            step = "have the base stamp its data by its machine's clock (not 0, nor since its boot), and NTP set that"
+            return problem("stamps", text, step)
+    if facts.frames is None or facts.lacks(robot_id) or (status is not None and status.speed):
+        return None
+    gap = _gap(facts.frames, robot_id)
+    return gap and problem("transforms", f"{robot} has no pose in map: no process says {gap[0]}", gap[1])
+
+
+def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
+    """The transform that lacks between `map` and a robot's base, and what to do; None if they are connected."""
+    own, odom, base = (names.robot_frame(robot_id, name) for name in ("", names.ODOM, names.BASE_FOOTPRINT))
+    tf, fixed = (names.robot_key(robot_id, topic) for topic in (names.TF, names.TF_STATIC))
+    frame = base
+    while frame in frames:
+        frame = frames[frame]
+    if frame != base:
+        step = f"it is due on {fixed} or {tf}, or in the team file: see 'zteam topic info {fixed}'"
+        return None if frame == names.MAP_FRAME else (f"{names.MAP_FRAME} -> {frame}", step)
+    edge, step = f"{odom} -> {base}", f"it is due on {tf}: see 'zteam topic info {tf}'"
+    for child, parent in sorted(frames.items()):
+        is_base = parent.endswith(f"/{names.ODOM}") or child.endswith(f"/{names.BASE_LINK}")
+        if is_base and parent.startswith(own) and parent not in {*frames, base} - {odom}:
+            static = f"; or [[static_transforms]] of the team file: parent = {child!r}, child = {base!r}"
+            step = f"have the base name them odom and base_footprint, with or without {own} in front"
+            return f"{edge}, but there is {parent} -> {child}", step + static * (parent == odom)
+    return edge, step
 
 
 def check_lasers(facts: Facts) -> Iterator[Finding]:
     """Scans that no process can use, because it is not known where their laser is on its robot."""
     for key, wrong in sorted(facts.lasers.items()):
         robot = key.partition("/")[0]
-        yield problem("lasers", f"the scans of {robot} ({key}) cannot be used: they need {wrong.noun}", wrong.way_out)
+        if facts.frames is None or f"{robot}/{names.BASE_FOOTPRINT}" in facts.frames:
+            text = f"the scans of {robot} ({key}) cannot be used: they need {wrong.noun}"
+            yield problem("lasers", text, wrong.way_out)
 
 
-def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
-    """The transform (parent, child) that lacks between `map` and a robot's base; None if they are connected."""
-    odom, frame = (names.robot_frame(robot_id, name) for name in (names.ODOM, names.BASE_FOOTPRINT))
-    if frame not in frames:
-        return odom, frame
-    while frame in frames:
-        frame = frames[frame]
-    return None if frame == names.MAP_FRAME else (names.MAP_FRAME, frame)
+def _has_base(facts: Facts, robot_id: int) -> bool:
+    return facts.sim is not None or names.robot_key(robot_id, names.ODOM) in facts.writers
 
 
 _SOURCE = "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
@@ -140,13 +182,15 @@ def _boot_step(facts: Facts, status: RobotStatus) -> str:
     if scans in facts.writers and names.AGGREGATOR not in facts.alive:
         # What it lacks is a pose.
         return "zteam-tf"
-    if wrong := facts.lasers.get(scans):
-        return wrong.way_out
+    if scans in facts.writers and (wrong := _base_problem(facts, status.robot_id)):
+        return wrong.next_step
+    if unplaced := facts.lasers.get(scans):
+        return unplaced.way_out
     if unled := [each for each in _follow_problems(facts) if status.robot_id in each.robots]:
         return _follow_step(facts, unled[0])
     if facts.stands_still:
         return "its data comes when the world goes on"
-    if facts.sim is None:
+    if not _has_base(facts, status.robot_id):
         return _SOURCE
     return f"'zteam topic info {scans}' names the publishers of its scans"
 
@@ -226,6 +270,9 @@ def _works_without(kind: kinds.Kind, facts: Facts) -> str:
     if kind.name == names.MONITOR and facts.statuses:
         running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
         return "all robots run, but their health is not watched" if running else ""
+    if kind.name == kinds.ROBOT and facts.sim is not None and facts.sim.robots:
+        others = all(names.robot_key(i, names.CMD_VEL) in facts.writers for i in facts.sim.robots)
+        return "other programs drive all robots of the world" if others else ""
     return ""
 
 
@@ -281,20 +328,25 @@ def check_data(facts: Facts) -> Iterator[Finding]:
         yield ok("data", text)
     for robot_id in facts.robots if not facts.stands_still else ():
         if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
-            # Only where a simulator answers, and has this robot, is there anything to guess.
-            guess = f"has robot {robot_id} of the world a laser? see 'zteam topic list'"
-            step = _SOURCE if facts.sim is None else guess
+            guess = f"has robot {robot_id} a laser, and on {names.scan_key(robot_id, 0)}? see 'zteam topic list'"
+            step = guess if _has_base(facts, robot_id) else _SOURCE
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
+
+
+def check_unpublished(facts: Facts) -> Iterator[Finding]:
+    """Keys to which a node of a user's own subscribes in vain."""
+    for key, near in facts.unpublished.items():
+        yield note("data", f"a node of your own subscribes to {key}, which nothing publishes{near}", "zteam topic list")
 
 
 def check_writers(facts: Facts) -> Iterator[Finding]:
     """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
     for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
         heard, publishers = facts.writers.get(key, ()), facts.publishers.get(key, ())
-        what = "sensors" if is_sensed(key) else "commands"
+        what, sent = ("commands", "commands") if names.CMD_VEL in key else ("sensors", "data")
         if len(heard) > 1:
             text = f"{key} has {len(heard)} writers: {', '.join(heard)}"
-            yield problem(what, text, f"end all but one: their {'data' if is_sensed(key) else 'commands'} take turns")
+            yield problem(what, text, f"end all but one: their {sent} take turns")
         elif len(publishers) > 1 and not key.endswith(f"/{names.CMD_VEL}"):
             # On cmd_vel the simulator publishes what a robot answers in lock-step.
             text = f"{key} has {len(publishers)} publishers: {', '.join(publishers)}"
@@ -407,13 +459,15 @@ _CHECKS = (
     check_world,
     check_robots_of_world,
     check_followers,
+    check_strays,
+    check_bases,
     check_lasers,
     check_gate,
     check_stops,
     check_readiness,
-    check_frames,
     check_silence,
     check_data,
+    check_unpublished,
     check_writers,
     check_map,
     check_refusals,

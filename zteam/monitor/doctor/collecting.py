@@ -9,7 +9,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
+from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens, unpublished
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, find_strangers, read_admin
@@ -18,7 +18,8 @@ from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DecodeError
 from zteam.messages import LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
-from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
+from zteam.messages.std_msgs import ns_from_time
+from zteam.messages.topics import has_one_writer, is_measured, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
@@ -64,6 +65,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             for key, samples in heard.items()
         },
         publishers=_publishers(graph, lambda each: each.publishes, places),
+        unpublished=unpublished(graph, _own_subscriptions(graph), heard),
         faults=faults,
         dropped=_publishers(graph, lambda each: each.dropped, {}),
         counts={
@@ -74,6 +76,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
+        leads={} if before or after or names.CLOCK in heard else find_leads(newest, survey.times),
         lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
@@ -85,6 +88,20 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
     )
+
+
+def find_leads(
+    newest: Mapping[str, tuple[RawSample, Message]], arrivals: Mapping[tuple[str, str], Sequence[float]]
+) -> dict[str, float]:
+    """By how many seconds what bases measure is stamped ahead of this host's clock, by key. `arrivals` are the host
+    times of live messages, by session and key."""
+    found, wall, now = dict[str, float](), wall_ns(), monotonic()
+    for key, (sample, message) in newest.items():
+        stamped = [each for each in getattr(message, "transforms", [message]) if hasattr(each, "header")]
+        times = arrivals.get((sample.source, key))
+        if times and stamped and is_measured(key):
+            found[key] = to_seconds(ns_from_time(stamped[-1].header.stamp) - wall) + now - times[-1]
+    return found
 
 
 def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
@@ -139,6 +156,13 @@ def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Dec
         if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
             users.setdefault(each.key, set()).add(each.session)
     return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
+
+
+def _own_subscriptions(graph: Graph) -> set[str]:
+    """What the users' own nodes subscribe to, without what all of them do."""
+    own = {node.instance for node in graph.processes if kinds.kind_of(node.name) is None}
+    common = {names.CLOCK, names.TICK}
+    return {each.key for each in graph.declarations if not each.publishes and each.session in own} - common
 
 
 def _publishers(graph: Graph, counts: Callable[[Declaration], bool], places: Mapping[str, str]) -> dict[str, list[str]]:

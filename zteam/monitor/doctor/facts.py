@@ -82,6 +82,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """The processes that published on each key, by name."""
     publishers: Mapping[str, Sequence[str]] = {}
     """The processes that have a publisher of each key, by name; those of other programs than zteam's are not known."""
+    unpublished: Mapping[str, str] = {}
+    """Keys to which nodes of users subscribe, and which nothing publishes, with the words on the key that is meant."""
     faults: Sequence[UnusableMessages] = ()
     dropped: Mapping[str, Sequence[str]] = {}
     """The processes, by name, that publish on a key on which the router drops what they send, by key."""
@@ -96,6 +98,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the simulator's tick was the same at the begin and at the end of the look."""
     frames: Mapping[str, str] | None = None
     """The parent of each frame of the aggregator's tree; None without an aggregator."""
+    leads: Mapping[str, float] = {}
+    """Seconds by which the stamps of what bases measure are ahead of this host's clock, by key, without a simulator."""
     lasers: Mapping[str, LaserProblem] = {}
     """Why no robot can use the scans of a key, by the transforms of the aggregator's tree."""
     map: OccupancyGrid | None = None

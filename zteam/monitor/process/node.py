@@ -132,7 +132,7 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
 
     Where a monitor runs already, or with a team size of 0, show the running one's team.
     """
-    if options.team_size == 0 or node.claim.is_taken():
+    if (options.team_size == 0 and options.ids is None) or node.claim.is_taken():
         run_view(node, options)
         return
     # Before the name is shown: robots publish their status when they see it.
@@ -141,6 +141,7 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     awaited = counted(options.team_size, "robot")
     if options.ids is not None:
         awaited = f"{'robots' if len(options.ids) > 1 else 'robot'} {format_robot_ids(options.ids)}"
-    log.info("start gate: waiting for %s, then GO", awaited)
+    if not node.in_team:
+        log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

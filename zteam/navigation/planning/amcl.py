@@ -6,16 +6,17 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
-from typing import Literal
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.map_files import FREE
-from zteam.config.numbers import Count, Positive
+from zteam.config.numbers import Count, NotNegative, Positive, Share
 from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import FAR, Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
 from zteam.navigation.planning import likelihood
@@ -41,46 +42,57 @@ _MATCHED_WITHIN = 1.0, 0.7
 _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
+_LATELY, _USUALLY, _WORSE = 8, 50, 0.75
+"""Updates: so many in a row whose scans fit the map worse than this share of how they usually do say that the robot is
+elsewhere; and over how many the usual fit is averaged. A robot put 5 m and more away in the shipped office has 0.6 of
+it in the median, one that knows its place 0.97 at least."""
+
 
 class AmclOptions(CheckedOptions, frozen=True):
     """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for those that cannot work."""
 
-    alpha1: float = 0.2
-    alpha2: float = 0.2
-    alpha3: float = 0.2
-    alpha4: float = 0.2
-    alpha5: float = 0.2
+    alpha1: NotNegative = 0.2
+    alpha2: NotNegative = 0.2
+    alpha3: NotNegative = 0.2
+    alpha4: NotNegative = 0.2
+    alpha5: NotNegative = 0.2
     max_beams: Count = 60
     min_particles: Count = 500
     max_particles: Count = 2000
-    update_min_d: float = 0.25
-    update_min_a: float = 0.2
-    z_hit: float = 0.5
-    z_rand: float = 0.5
+    update_min_d: NotNegative = 0.25
+    update_min_a: NotNegative = 0.2
+    z_hit: Annotated[float, msgspec.Meta(ge=0.01, le=1.0)] = 0.5
+    z_rand: Share = 0.5
     sigma_hit: Positive = 0.2
     laser_likelihood_max_dist: Positive = 2.0
-    laser_max_range: float = 100.0
-    """Metres; a longer beam, or one of the laser's range_max, says nothing."""
-    pf_err: Positive = 0.05
-    pf_z: float = 0.99
-    recovery_alpha_slow: float = 0.0
-    recovery_alpha_fast: float = 0.0
+    laser_max_range: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 100.0
+    """Metres; a longer beam, or one of the laser's range_max, says nothing. 0 or less: range_max alone counts."""
+    pf_err: Annotated[float, msgspec.Meta(ge=1e-3, le=1.0)] = 0.05
+    pf_z: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.99
+    recovery_alpha_slow: Share = 0.0
+    recovery_alpha_fast: Share = 0.0
     resample_interval: Count = 1
-    robot_model_type: Literal["nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"] = (
-        "nav2_amcl::DifferentialMotionModel"
-    )
-    matched_share: float = 0.15
+    robot_model_type: Literal[
+        "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel", "differential", "omnidirectional"
+    ] = "nav2_amcl::DifferentialMotionModel"
+    """The short names are those of Nav2 until Galactic."""
+    matched_share: Share = 0.15
     """Share of the particles that are put where the scan fits best, near the heaviest one; 0 is plain amcl, which takes
     many updates to follow a turn that odometry did not see."""
-    global_particles: int = 25_000
+    global_particles: Count = 25_000
     """Poses that are tried with each scan while the robot may be anywhere."""
-    teammate_margin: float = 0.1
+    teammate_margin: NotNegative = 0.1
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.min_particles > self.max_particles:
             raise ValueError(f"min_particles {self.min_particles} is above max_particles {self.max_particles}")
+
+    @property
+    def farthest(self) -> float:
+        """Metres up to which a beam counts that met something."""
+        return self.laser_max_range if self.laser_max_range > 0.0 else FAR
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:
@@ -106,7 +118,7 @@ def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions
     last = len(scan.ranges) - 1
     count = min(options.max_beams, last + 1)
     chosen = np.arange(count) * last // max(1, count - 1)
-    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.laser_max_range, chosen)
+    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.farthest, chosen)
     met &= ~on_teammates(ends, teammates, options.teammate_margin + min(_MOST_DEVIATION, deviation))
     return ends[met]
 
@@ -142,7 +154,7 @@ class Amcl:
         Until it is found, each scan is an update, and the particles are the places where it may be (GlobalSearch).
         """
         self._begin(self._anywhere(self.options.max_particles, _SPREAD, self._spreads))
-        self._search = GlobalSearch(self._grid, self.options.laser_max_range)
+        self._search = GlobalSearch(self._grid, self.options.farthest)
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     @property
@@ -154,8 +166,28 @@ class Amcl:
         self._spreads += 1
         self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
+        self._fits: list[float] = []
+        self._usual, self._looks = 0.0, 0
         # From where the next odometry is.
         self._odom, self._forced = None, True
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the last scans fit the map much worse around `pose` than they did before: the robot was carried away,
+        or much stands there that the map does not show."""
+        return self._looks > _LATELY and max(self._fits) < _WORSE * self._usual
+
+    def _match(self, field: LikelihoodField, beams: BeamEnds, pose: Floats) -> Floats:
+        """The pose near this one (1, 3) where the beams fit best; how well they do is remembered."""
+        fitting, fits = likelihood.match(field, pose, beams, *_FIRST_STEPS)
+        if beams.shape[1]:
+            fit = float(fits[0]) / (likelihood.UNITS * field.unit)
+            self._fits = [*self._fits[1 - _LATELY :], fit]
+            if fit >= _WORSE * self._usual:
+                self._looks += 1
+                self._usual += (fit - self._usual) / min(self._looks, _USUALLY)
+        found: Floats = fitting[0]
+        return found
 
     @property
     def particles(self) -> Floats:
@@ -176,12 +208,18 @@ class Amcl:
             self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
         before = self._odom
         way, turn = math.hypot(odom.x - before.x, odom.y - before.y), abs(normalize_angle(odom.yaw - before.yaw))
-        if not self._forced and way < self.options.update_min_d and turn < self.options.update_min_a:
+        is_due = self._forced or way >= self.options.update_min_d or turn >= self.options.update_min_a
+        # A robot that is elsewhere stands, and may be carried back.
+        if not is_due and not self.is_elsewhere:
+            return False
+        ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
+        if not is_due:
+            field = self._likelihoods(scan.range_max)
+            self._match(field, likelihood.beams_of(field, ends), np.array([self._pose_of_odom.compose(odom)]))
             return False
         self._forced = False
         self._count += 1
         self._odom = odom
-        ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
@@ -192,7 +230,7 @@ class Amcl:
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting, share = likelihood.match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
+            fitting, share = self._match(field, beams, heaviest), self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
         self._pose_of_odom = self.pose.compose(odom.inverse())
@@ -215,7 +253,7 @@ class Amcl:
 
     def _move(self, before: Pose2, after: Pose2) -> None:
         draws = _normals(self._state(_MOVE, self._count), len(self._poses))
-        move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
+        move = move_omnidirectional if "omni" in self.options.robot_model_type.lower() else move_differential
         options = self.options
         alphas = options.alpha1, options.alpha2, options.alpha3, options.alpha4, options.alpha5
         move(self._poses, before, after, alphas, draws)
@@ -237,7 +275,7 @@ class Amcl:
                 z_rand=options.z_rand,
                 sigma_hit=options.sigma_hit,
                 max_dist=options.laser_likelihood_max_dist,
-                range_max=min(range_max, options.laser_max_range),
+                range_max=min(range_max, options.farthest),
             )
             self._field = range_max, field
         return self._field[1]

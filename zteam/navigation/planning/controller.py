@@ -5,15 +5,15 @@ the outline touches already where the robot stands does not count: it may leave 
 """
 
 import math
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import msgspec
 import numpy as np
 
-from zteam.config.numbers import Positive
+from zteam.config.numbers import NotNegative, Positive, Seconds
 from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
-from zteam.geometry import Pose2, Velocity, curvature_to, normalize_angle
+from zteam.geometry import FAR, Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
@@ -62,29 +62,29 @@ class PursuitOptions(CheckedOptions, frozen=True):
 
     desired_linear_vel: Positive = 0.5
     lookahead_dist: Positive = 0.6
-    min_lookahead_dist: float = 0.3
-    max_lookahead_dist: float = 0.9
-    lookahead_time: float = 1.5
+    min_lookahead_dist: Positive = 0.3
+    max_lookahead_dist: Positive = 0.9
+    lookahead_time: Seconds = 1.5
     use_velocity_scaled_lookahead_dist: bool = False
-    min_approach_linear_velocity: float = 0.05
-    approach_velocity_scaling_dist: float = 0.6
+    min_approach_linear_velocity: NotNegative = 0.05
+    approach_velocity_scaling_dist: NotNegative = 0.6
     use_collision_detection: bool = True
-    max_allowed_time_to_collision_up_to_carrot: float = 1.0
+    max_allowed_time_to_collision_up_to_carrot: Seconds = 1.0
     use_regulated_linear_velocity_scaling: bool = True
     use_cost_regulated_linear_velocity_scaling: bool = True
-    regulated_linear_scaling_min_radius: float = 0.9
-    regulated_linear_scaling_min_speed: float = 0.25
-    cost_scaling_dist: float = 0.6
-    cost_scaling_gain: float = 1.0
-    inflation_cost_scaling_factor: float | None = None
+    regulated_linear_scaling_min_radius: NotNegative = 0.9
+    regulated_linear_scaling_min_speed: NotNegative = 0.25
+    cost_scaling_dist: Positive = 0.6
+    cost_scaling_gain: NotNegative = 1.0
+    inflation_cost_scaling_factor: NotNegative | None = None
     """1/m, to tell from a cost how far an obstacle is. None: that of the costmap, as it should be; 0: do not tell."""
     use_rotate_to_heading: bool = True
     rotate_to_heading_angular_vel: Positive = 1.8
-    rotate_to_heading_min_angle: float = 0.785
+    rotate_to_heading_min_angle: Annotated[float, msgspec.Meta(ge=0.01, le=math.pi)] = 0.785
     max_angular_accel: Positive = 3.2
-    max_robot_pose_search_dist: float = 3.0
-    """Metres of the path ahead in which the robot's place on it is looked for."""
-    xy_goal_tolerance: float = 0.25
+    max_robot_pose_search_dist: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 3.0
+    """Metres of the path ahead in which the robot's place on it is looked for; 0 or less: the whole path."""
+    xy_goal_tolerance: Positive = 0.25
     """Metres to the end of the path within which the robot only turns to the heading that is asked for."""
     stateful: bool = True
     """Once within, it goes on to turn until there is another path, also where its pose is corrected meanwhile."""
@@ -158,7 +158,8 @@ class RegulatedPurePursuit:
 
     def _advance(self, pose: Pose2) -> None:
         """Find the robot's place on the path: the nearest pose, not before the last one found."""
-        stop = int(np.searchsorted(self._along, self._along[self._at] + self.options.max_robot_pose_search_dist)) + 1
+        ahead = self.options.max_robot_pose_search_dist
+        stop = int(np.searchsorted(self._along, self._along[self._at] + (ahead if ahead > 0.0 else FAR))) + 1
         part = self._path[self._at : stop]
         self._at += int(np.argmin((part[:, 0] - pose.x) ** 2 + (part[:, 1] - pose.y) ** 2))
 
@@ -264,11 +265,11 @@ def _badness(carrot: tuple[float, float], command: Velocity, seconds: float) -> 
     return math.hypot(dx, dy) + 0.5 * abs(normalize_angle(math.atan2(dy, dx) - 2.0 * half))
 
 
-class GoalOptions(msgspec.Struct, frozen=True):
+class GoalOptions(CheckedOptions, frozen=True):
     """Parameters, with Nav2's names and defaults."""
 
-    xy_goal_tolerance: float = 0.25
-    yaw_goal_tolerance: float = 0.25
+    xy_goal_tolerance: Positive = 0.25
+    yaw_goal_tolerance: Positive = 0.25
     stateful: bool = True
     """Once the place is reached, only the heading counts."""
 
@@ -293,11 +294,11 @@ class GoalChecker:
         return math.isnan(goal.yaw) or (abs(normalize_angle(goal.yaw - pose.yaw)) <= self.options.yaw_goal_tolerance)
 
 
-class ProgressOptions(msgspec.Struct, frozen=True):
+class ProgressOptions(CheckedOptions, frozen=True):
     """Parameters, with Nav2's names and defaults."""
 
-    required_movement_radius: float = 0.5
-    movement_time_allowance: float = 10.0
+    required_movement_radius: NotNegative = 0.5
+    movement_time_allowance: Annotated[float, msgspec.Meta(ge=0.1, le=1e6)] = 10.0
 
 
 class ProgressChecker:

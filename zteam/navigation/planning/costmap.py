@@ -6,11 +6,13 @@ obstacles are exact, from centre to centre of cells (Nav2 spreads from cell to c
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 
+from zteam.config.numbers import NotNegative
+from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import MAX_CELLS, Window, inflate, trace_beams
@@ -82,23 +84,23 @@ def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:
     return np.stack((x + cos * px - sin * py, y + sin * px + cos * py), axis=1)
 
 
-class CostmapOptions(msgspec.Struct, frozen=True):
+class CostmapOptions(CheckedOptions, frozen=True):
     """Parameters, with the names that Nav2 gives them in its layers."""
 
-    inflation_radius: float = 0.7
+    inflation_radius: NotNegative = 0.7
     """Metres from an obstacle up to which cells cost something."""
-    cost_scaling_factor: float = 10.0
+    cost_scaling_factor: NotNegative = 10.0
     """1/m: how fast the cost falls beyond the inscribed radius."""
     inflate_unknown: bool = False
-    lethal_cost_threshold: int = 100
-    """A map's cell is an obstacle from this value on."""
+    lethal_cost_threshold: Annotated[int, msgspec.Meta(ge=1, le=255)] = 100
+    """A map's cell is an obstacle from this value on; as in Nav2, more than 100 is 100."""
     track_unknown_space: bool = True
     """Whether unknown cells of a map stay unknown; else they are free."""
-    obstacle_max_range: float = 2.5
+    obstacle_max_range: NotNegative = 2.5
     """Metres up to which what a laser meets is marked."""
-    raytrace_max_range: float = 3.0
+    raytrace_max_range: NotNegative = 3.0
     """Metres up to which its beams clear cells."""
-    teammate_margin: float = 0.1
+    teammate_margin: NotNegative = 0.1
     """Metres beside a teammate that still count as the teammate, when a laser meets it."""
 
 
@@ -143,7 +145,7 @@ class Costmap:
             raise ValueError(f"a costmap of {self.frame} cannot take a map of {grid.frame}")
         # StaticLayer::interpretValue of Nav2 with `trinary_costmap`.
         self._static = np.full(grid.cells.shape, FREE_SPACE, np.uint8)
-        self._static[grid.cells >= self.options.lethal_cost_threshold] = LETHAL_OBSTACLE
+        self._static[grid.cells >= min(100, self.options.lethal_cost_threshold)] = LETHAL_OBSTACLE
         if self.options.track_unknown_space:
             self._static[grid.cells < 0] = NO_INFORMATION
         self._whole()

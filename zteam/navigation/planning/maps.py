@@ -81,9 +81,13 @@ def map_message(grid: GridMap, stamp: Time | None = None) -> OccupancyGrid:
     return OccupancyGrid(Header(stamp, names.MAP_FRAME), info, grid.cells.ravel())
 
 
-def map_grid(message: OccupancyGrid) -> GridMap:
-    """The grid of a map that came on the bus. Raises UsageError if its numbers do not fit each other."""
+def map_grid(message: OccupancyGrid, *, any_frame: bool = False) -> GridMap:
+    """The grid of a map that came on the bus. Raises UsageError if its numbers do not fit each other, and unless
+    `any_frame` for a frame other than `map`."""
     info, origin = message.info, planar(message.info.origin)
+    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+    if frame != names.MAP_FRAME and not any_frame:
+        raise UsageError(f"it is in the frame {frame!r:.60}: publish it in {names.MAP_FRAME!r}")
     # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
     resolution = float(str(np.float32(info.resolution)))
     if not message.data.size == info.width * info.height > 0:

@@ -6,8 +6,9 @@ names is called with the plug-in's parameters, a mapping, and returns a Planner 
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path, PurePosixPath
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
@@ -15,11 +16,13 @@ import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.numbers import Count, Positive
-from zteam.config.problems import Problem, problems_of
+from zteam.config.numbers import NotNegative, Positive
+from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
-from zteam.messages.base import DEFAULT_BASE, Base
+from zteam.geometry import FAR
+from zteam.kernels.navigation import MAX_CELLS
+from zteam.messages.base import DEFAULT_BASE, MAX_EXTENT, Base, BaseOverride
 from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
@@ -39,6 +42,7 @@ Tables = dict[str, dict[str, Any]]
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
+_SHIMMED = "primary_controller."
 MAX_BYTES = 2**20
 
 
@@ -54,74 +58,129 @@ class Plugin(NamedTuple):
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
-class FirstPose(msgspec.Struct, frozen=True):
+_Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
+_Signed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
+
+
+class FirstPose(CheckedOptions, frozen=True):
     """Where a robot is at first, in amcl's own parameters."""
 
     set_initial_pose: bool = False
     """Without it, a robot begins where the transforms say that it is."""
-    x: float = msgspec.field(default=0.0, name="initial_pose.x")
-    y: float = msgspec.field(default=0.0, name="initial_pose.y")
-    yaw: float = msgspec.field(default=0.0, name="initial_pose.yaw")
+    x: _Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
+    y: _Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
+    yaw: _Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
-class FakeOptions(msgspec.Struct, frozen=True):
+class FakeOptions(CheckedOptions, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
-    delta_x: float = 0.0
-    delta_y: float = 0.0
-    delta_yaw: float = 0.0
+    delta_x: _Coordinate = 0.0
+    delta_y: _Coordinate = 0.0
+    delta_yaw: _Signed = 0.0
     """Metres and radians that are added to each pose."""
-    noise_xy: float = 0.0
-    noise_yaw: float = 0.0
+    noise_xy: NotNegative = 0.0
+    noise_yaw: NotNegative = 0.0
     """Standard deviations of each pose's errors in x and in y (m), and in yaw (rad)."""
 
 
-class ControllerOptions(msgspec.Struct, frozen=True):
+_Names = tuple[Annotated[str, msgspec.Meta(min_length=1)], ...]
+
+
+class ControllerOptions(CheckedOptions, frozen=True):
     """Parameters of controller_server itself."""
 
+    controller_plugins: _Names = ()
+    progress_checker_plugins: _Names = ()
+    goal_checker_plugins: _Names = ()
+    progress_checker_plugin: str = "progress_checker"
+    goal_checker_plugin: str = "general_goal_checker"
+    """Until Humble a name in the place of a list."""
     controller_frequency: Positive = 20.0
-    failure_tolerance: float = 0.3
-    """Seconds that the controller may find no command before a recovery begins."""
+    failure_tolerance: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 0.3
+    """Seconds that the controller may find no command before a recovery begins; below 0: without end."""
 
 
-class PlannerServerOptions(msgspec.Struct, frozen=True):
+_SPEEDS = {
+    "max_vel_x": ("max_vel_x", "max_speed_xy", "vx_max", "v_linear_max", "max_linear_vel"),
+    "max_vel_theta": ("max_vel_theta", "wz_max", "v_angular_max", "max_angular_vel"),
+    "acc_lim_x": ("acc_lim_x", "ax_max"),
+    "acc_lim_theta": ("acc_lim_theta", "az_max"),
+}
+"""By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
+_NAMES = [(name, Positive | None, None) for row in _SPEEDS.values() for name in row]
+SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
+
+
+_Vector = tuple[Positive, _Signed, Positive]
+
+
+class SmootherOptions(CheckedOptions, frozen=True):
+    """Limits of Nav2's velocity_smoother: along x and y, and about z."""
+
+    max_velocity: _Vector | None = None
+    min_velocity: tuple[Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)], _Signed, _Signed] | None = None
+    max_accel: _Vector | None = None
+
+
+def _limits_of(speed: msgspec.Struct, smoother: SmootherOptions) -> Base:
+    """A base with the least of the limits of each kind; inf where there is none."""
+    found: dict[str, Any] = {key: [getattr(speed, name) or math.inf for name in row] for key, row in _SPEEDS.items()}
+    for limit, values in (("max_vel", smoother.max_velocity), ("acc_lim", smoother.max_accel)):
+        if values is not None:
+            found[f"{limit}_x"].append(values[0])
+            found[f"{limit}_theta"].append(values[2])
+    backwards = smoother.min_velocity[0] if smoother.min_velocity else -math.inf
+    return Base(min_vel_x=backwards, **{limit: min(row) for limit, row in found.items()})
+
+
+class PlannerServerOptions(CheckedOptions, frozen=True):
     """Parameters of planner_server itself."""
 
-    expected_planner_frequency: Positive = 1.0
-    """Plans a second while the robot drives."""
+    planner_plugins: _Names = ()
+    expected_planner_frequency: NotNegative = 1.0
+    """Plans a second while the robot drives; 0, which expects none in Nav2, is 1."""
 
 
-class WindowOptions(msgspec.Struct, frozen=True):
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_Size = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+
+
+class WindowOptions(CheckedOptions, frozen=True):
     """Parameters of a costmap's node besides its layers. Raises ValueError for an outline that cannot be."""
 
     update_frequency: Positive = 5.0
-    publish_frequency: Positive = 1.0
-    """At most 2 Hz."""
-    width: Count = 3
-    height: Count = 3
-    resolution: Positive = 0.05
+    publish_frequency: NotNegative = 1.0
+    """At most 2 Hz; 0: once for each subscriber."""
+    width: _Size = 3
+    height: _Size = 3
+    resolution: Annotated[float, msgspec.Meta(ge=1e-3, le=10.0)] = 0.05
     """Metres, of the local costmap alone."""
-    robot_radius: float | None = None
-    """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
+    robot_radius: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_EXTENT)] | None = None
+    """Metres; with neither it nor `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
-    """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"."""
-    footprint_padding: float = 0.03
+    """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"; "[]" is none."""
+    footprint_padding: NotNegative = 0.03
     """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
     direction."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.outline(DEFAULT_BASE)
 
     def outline(self, base: Base) -> Footprint:
         """The outline that is given, or else that of the base. Raises ValueError."""
-        if not self.footprint and self.robot_radius is not None:
-            return make_circle(self.robot_radius)
         try:
-            corners = json.loads(self.footprint) if self.footprint else base.footprint
-            return make_footprint(corners, self.footprint_padding)
-        except ValueError:
+            # JSON has no `.21`, `1.` and `+0.2`.
+            corners = json.loads(_NUMBER.sub(lambda found: repr(float(found[0])), self.footprint or "[]"))
+        except (ValueError, RecursionError):
+            corners = self.footprint
+        if corners == [] and self.robot_radius:
+            return make_circle(self.robot_radius, self.footprint_padding)
+        if corners != [] and problems_of({"footprint": corners}, BaseOverride):
             example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
-            raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
+            raise KeyValueError("footprint", f"{self.footprint!r:.60}: give corners in metres, such as {example}")
+        return make_footprint(corners or base.footprint, self.footprint_padding)
 
 
 class _Place(NamedTuple):
@@ -145,7 +204,9 @@ class Parameters(NamedTuple):
     fake: Annotated[FakeOptions, _Place("fake_localization")] = FakeOptions()
     controller: Annotated[ControllerOptions, _Place("controller_server")] = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
+    speed: Annotated[msgspec.Struct, _Place("controller_server", "controller", "FollowPath")] = SpeedOptions()
     pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller", "FollowPath")] = PursuitOptions()
+    smoother: Annotated[SmootherOptions, _Place("velocity_smoother")] = SmootherOptions()
     goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker", "general_goal_checker")] = GoalOptions()
     progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker", "progress_checker")] = (
         ProgressOptions()
@@ -158,19 +219,28 @@ class Parameters(NamedTuple):
     global_layers: Annotated[CostmapOptions, _Place("global_costmap", anywhere=True)] = CostmapOptions()
     local_window: Annotated[WindowOptions, _Place("local_costmap")] = WindowOptions()
     local_layers: Annotated[CostmapOptions, _Place("local_costmap", anywhere=True)] = CostmapOptions()
+    notes: tuple[str, ...] = ()
+    """What a user should know of them, such as a plug-in of Nav2's that zteam's own replaces."""
+
+    @property
+    def limits(self) -> Base:
+        """A base whose limits all commands keep within; inf where there is none."""
+        return _limits_of(self.speed, self.smoother)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
         name, given = self.controller_plugin
         if name != PURSUIT:
             return make_controller(name, given)
-        options = self.pursuit
+        options, limits = self.pursuit, self.limits
         return RegulatedPurePursuit(
             msgspec.structs.replace(
                 options,
-                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
-                rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
-                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
+                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
+                rotate_to_heading_angular_vel=min(
+                    options.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta
+                ),
+                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
                 xy_goal_tolerance=self.goal.xy_goal_tolerance,
             )
         )
@@ -189,7 +259,6 @@ _PLACES: dict[str, _Place] = {
 """By field of Parameters."""
 NODES = (OWN, *dict.fromkeys(place.node for place in _PLACES.values()))
 """Names of the nodes whose parameters are taken."""
-_LISTS = frozenset(f"{place.kind}_plugins" for place in _PLACES.values())
 
 
 def navigation_of_robot(
@@ -201,54 +270,94 @@ def navigation_of_robot(
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
     `ros__parameters`. Raises UsageError; `source` is what the table is called there.
     """
-    file = table.get("params")
+    file, notes = table.get("params"), []
     given: Tables = {}
     if file is not None:
         if not isinstance(file, str):
             raise UsageError(f"{source}: params: a file is expected, not {file!r}")
-        given = _tables_of_file(_read_parameter_file(folder / file), robot_id)
-        # A mistake in the file is told with the file's name.
-        _read_parameters(given, file)
+        contents = _read_parameter_file(folder / file)
+        given = _tables_of_file(contents, robot_id)
+        if not given:
+            there = ", ".join(dict.fromkeys(name for name, _ in _find_nodes(contents, ()))) or "none"
+            notes.append(f"{file}: nothing in it applies to {names.robot_name(robot_id)}: its nodes are {there:.200}")
     own: Tables = {OWN: {}}
     for key, value in table.items():
         if isinstance(value, Mapping):
             own[key] = _flatten(value)
         elif key != "params":
             own[OWN][key] = value
-    return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
+    tables = {node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}
+
+    def place(node: str, name: str) -> str:
+        """Where a key stands; one that is made of several: in the table, if that sets any of the node's."""
+        there = own.get(node, {})
+        key = name if node == OWN else f"{node}.{name}".rstrip(".")
+        return f"{source if name in there or (name not in tables.get(node, {}) and there) else file or source}: {key}"
+
+    return _read_parameters(tables, place, notes)
 
 
-def _read_parameters(tables: Tables, source: str) -> tuple[Parameters, list[str]]:
-    """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
+def _read_parameters(
+    tables: Tables, place_of: Callable[[str, str], str], notes: list[str]
+) -> tuple[Parameters, list[str]]:
+    """The parameters in tables of Nav2's nodes. Raises UsageError, with the place of each key, for wrong values."""
     found: dict[str, Any] = {}
-    taken = {(OWN, "localizer")}
-    problems: list[str] = []
+    taken, problems = {(OWN, "localizer")}, list[str]()
     for field, place in _PLACES.items():
         table = tables.get(place.node, {})
         if place.kind in _OWN:
             try:
-                plugin, known = _read_plugin(place, table)
+                plugin, known, note = _read_plugin(place, table, place_of)
             except UsageError as error:
                 problems.append(str(error))
                 continue
             found[f"{place.kind}_plugin"] = plugin
+            notes += note
             taken |= {(place.node, name) for name in known}
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
         default = Parameters._field_defaults[field]
+        if field == "pursuit" and (most := _limits_of(found["speed"], SmootherOptions()).max_vel_x) < math.inf:
+            # Nav2's other controllers drive as fast as they may.
+            default = msgspec.structs.replace(default, desired_linear_vel=most)
         given = _own_names(place, table, type(default))
         taken |= {(place.node, name) for name in given.values()}
         found[field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
         for path, text in wrong:
-            key = ".".join([place.node, *(given[str(key)] for key in path[:1])])
-            problems.append(f"{key}: {text}")
+            name = given.get(str(path[0]), str(path[0])) if path else ""
+            problems.append(f"{place_of(place.node, name)}: {text}")
     localizer = tables.get(OWN, {}).get("localizer", "amcl")
     if localizer not in get_args(Localizer):
-        problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
+        problems.append(f"{place_of(OWN, 'localizer')}: {localizer!r} is none of {', '.join(get_args(Localizer))}")
+    parameters = Parameters(**found, localizer=localizer, notes=tuple(dict.fromkeys(notes)))
+    if not problems:
+        problems = [
+            f"{place_of(node, '')}: {what} is {value:.3g}: at most {most:g}, or {why}"
+            for node, what, value, most, why in _products(parameters)
+            if value > most
+        ]
     if problems:
-        raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
-    every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
-    return Parameters(**found, localizer=localizer), sorted(f"{node}.{name}" for node, name in every - taken)
+        raise UsageError("\n".join(dict.fromkeys(problems)))
+    every = {(node, name) for node, table in tables.items() for name in table}
+    return parameters, sorted(f"{node}.{name}" for node, name in every - taken)
+
+
+def _products(parameters: Parameters) -> Iterator[tuple[str, str, float, float, str]]:
+    """What several parameters make together: node, what it is, its value, the most, and what else would happen."""
+    amcl, window, pursuit, recovery = parameters.amcl, parameters.local_window, parameters.pursuit, parameters.recovery
+    cells, radius = 1.0 / window.resolution, window.outline(DEFAULT_BASE).circumscribed_radius
+    ahead = (pursuit.desired_linear_vel + pursuit.rotate_to_heading_angular_vel * radius) * cells
+    ahead *= pursuit.max_allowed_time_to_collision_up_to_carrot
+    aside = (recovery.backup_speed + recovery.rotational_vel * radius) * recovery.simulate_ahead_time * cells
+    reach = math.ceil(parameters.local_layers.inflation_radius * cells)
+    guesses = amcl.max_beams * max(amcl.max_particles, amcl.global_particles)
+    slow, late = "an update takes longer than half a second", "a command is not checked in time"
+    yield "local_costmap", "width × height / resolution²", window.width * window.height * cells**2, 4e6, slow
+    yield "local_costmap", "outline / resolution", radius * cells, 1e4, "it is wider than any costmap"
+    yield "local_costmap", "inflation_radius / resolution", reach, MAX_CELLS, "the squares of distances overflow"
+    yield "amcl", "max_beams × the larger of max_particles and global_particles", guesses, 1e8, slow
+    yield "controller_server", "speed × max_allowed_time_to_collision_up_to_carrot / resolution", ahead, 1e5, late
+    yield "behavior_server", "speed × simulate_ahead_time / resolution", aside, 1e5, late
 
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -257,11 +366,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
     """Options with other values; or as they were, and what is wrong with the values."""
     table, kind = {**msgspec.to_builtins(options), **values}, type(options)
-    problems = problems_of(table, kind) or [
-        Problem((name,), f"a finite number is expected, not {value}")
-        for name, value in values.items()
-        if isinstance(value, float) and not math.isfinite(value)
-    ]
+    problems = problems_of(table, kind)
     return options if problems else msgspec.convert(table, kind), problems
 
 
@@ -279,13 +384,11 @@ _OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
     "controller": (PURSUIT, RegulatedPurePursuit, PursuitOptions),
 }
 """Of each kind of plug-in: zteam's own, its class and its options."""
-NAV2_NAMES = {
-    "nav2_navfn_planner::NavfnPlanner": ASTAR,
-    "nav2_smac_planner::SmacPlanner2D": ASTAR,
-    "nav2_theta_star_planner::ThetaStarPlanner": ASTAR,
-    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": PURSUIT,
+_OF_NAV2 = {
+    "planner": re.compile(r"(?:smac_planner|nav2_(?!\w*controller)\w+)(?:::|[/:.])\w+"),
+    "controller": re.compile(r"(?:dwb_core|nav2_(?!\w*planner)\w+)(?:::|[/:.])\w+"),
 }
-"""Plug-ins of Nav2, and what does their work here; Nav2 writes them with `/` too."""
+"""Names of Nav2's plug-ins, whose work zteam's own does here; files separate their parts by `::` or `/`."""
 
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
@@ -302,42 +405,49 @@ def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
 
 def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
     own, make, options = _OWN[kind]
-    if (found := plugin_name(kind, name)) == own:
-        return make(read_options(options, parameters)[0])
-    return load_offered(f"zteam.{kind}s", found)(parameters)
+    if (found := plugin_name(kind, name)) != own:
+        return load_offered(f"zteam.{kind}s", found)(parameters)
+    return make(read_options(options, parameters)[0])
 
 
 def plugin_name(kind: str, name: str, where: str = "") -> str:
     """zteam's own name of a "planner" or "controller", or a package's, which is not imported. Raises UsageError."""
     own, group = _OWN[kind][0], f"zteam.{kind}s"
-    if NAV2_NAMES.get(name.replace("/", "::"), name) == own:
+    if name == own or name in (there := offered(group)):
+        return name
+    if _OF_NAV2[kind].fullmatch(name.strip()):
         return own
-    there = offered(group)
-    if name not in there:
-        known = f"there are {', '.join(sorted({own, *there}))}, and packages may offer more ({group})"
-        raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
-    return name
+    known = f"there are {', '.join(sorted({own, *there}))}, and packages may offer more ({group})"
+    raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
 
 
 def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
     prefix = _prefix(place, table)
     found = {}
-    for name in table:
-        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix)
+    # A rotation shim has the parameters of its controller below its own since Kilted; its own count before them.
+    for name in sorted(table, key=lambda name: _SHIMMED not in name):
+        own = name.rpartition(".")[2] if place.anywhere else name.removeprefix(prefix).removeprefix(_SHIMMED)
         if own in kind.__struct_encode_fields__ and (place.anywhere or name.startswith(prefix)):
             found[own] = name
     return found
 
 
-def _read_plugin(place: _Place, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
-    """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
+def _read_plugin(
+    place: _Place, table: Mapping[str, Any], place_of: Callable[[str, str], str]
+) -> tuple[Plugin, Iterable[str], list[str]]:
+    """The plug-in that is named; the names that this explains: all of a plug-in that is not zteam's own; and a note if
+    zteam's own replaces it. Raises UsageError."""
     prefix, kind = _prefix(place, table), place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     key = f"{prefix}plugin"
-    name = plugin_name(kind, str(own.get(key, _OWN[kind][0])), f"{place.node}.{key}: ")
-    given = {name.removeprefix(prefix): value for name, value in own.items() if name != key}
-    return Plugin(name, given), [key] if name == _OWN[kind][0] else own
+    where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
+    name = plugin_name(kind, given, f"{where}: ")
+    if name != _OWN[kind][0]:
+        return Plugin(name, {name.removeprefix(prefix): value for name, value in own.items() if name != key}), own, []
+    if given == name:
+        return Plugin(name), [key], []
+    return Plugin(name), own, [f"{where}: {given} is replaced by zteam's own {name}"]
 
 
 def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
@@ -345,7 +455,7 @@ def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
     if not place.kind:
         return ""
     listed = table.get(f"{place.kind}_plugins")
-    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else place.usual
+    named = listed[0] if isinstance(listed, list) and listed else table.get(f"{place.kind}_plugin", place.usual)
     return f"{named}."
 
 
@@ -363,14 +473,19 @@ def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
     """What a parameter file says to the nodes of robot `robot_id`.
 
     A node's name may have namespaces before it (`robot_1/amcl`, or nested), and wildcards: `*` for one part, `**` for
-    any. What names a node by itself counts before what names it by a wildcard.
+    any. What names a node by itself counts before what names it by a wildcard, and a longer name before a shorter one.
     """
     tables: Tables = {}
-    for pattern, parameters in sorted(_find_nodes(contents, ()), key=lambda item: "*" not in item[0]):
+    found = sorted(_find_nodes(contents, ()), key=lambda item: ("*" not in item[0], len(item[0].replace("*", ""))))
+    for pattern, parameters in found:
+        # Its name until Galactic, and in files since then.
+        pattern = pattern.replace("recoveries_server", "behavior_server")
+        words = re.escape(pattern).replace(r"\*\*/", "(?:.*/)?").replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
         for node in NODES:
             # The costmaps are nodes in namespaces of their own.
-            full = f"{node}/{node}" if node.endswith("_costmap") else node
-            if pattern and PurePosixPath(names.robot_name(robot_id), full).match(pattern):
+            full = f"{names.robot_name(robot_id)}/{node}" + (f"/{node}" if node.endswith("_costmap") else "")
+            parts = full.split("/")
+            if pattern and any(re.fullmatch(words, "/".join(parts[i:])) for i in range(len(parts))):
                 tables.setdefault(node, {}).update(_flatten(parameters))
     return tables
 

@@ -8,10 +8,11 @@ import math
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.numbers import NotNegative
+from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.kernels import navigation as kernels
@@ -136,14 +137,14 @@ class Field:
         return (moved if moved_cost < cost else corners) - 1
 
 
-class AStarOptions(msgspec.Struct, frozen=True):
+class AStarOptions(CheckedOptions, frozen=True):
     """Parameters; names that Nav2's planners have are theirs."""
 
-    tolerance: float = 0.5
+    tolerance: NotNegative = 0.5
     """Metres from the goal at which a path may end, if the goal itself cannot be reached (NavfnPlanner)."""
     allow_unknown: bool = True
     """Whether a path may lead through cells without information (NavfnPlanner)."""
-    clearance: float | None = None
+    clearance: NotNegative | None = None
     """Metres from the middle of the robot to obstacles on a path; None: half of its width, and half a cell. It is at
     least the inscribed radius, and at most the costmap's inflation radius."""
 
@@ -172,7 +173,7 @@ class AStarPlanner:
         last = frame.cell_at(goal.x, goal.y)
         way = field.find_way(first, last, options.tolerance / frame.resolution)
         if way is None:
-            raise NoPathError(_reason(costmap, field, last, options.tolerance))
+            raise NoPathError(_reason(field, goal, last, options.tolerance))
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
         points = frame.points_from_cells(field.shorten(way).astype(np.float64) + 0.5)
         # The middle of the first cell is left out where the start lies in that cell.
@@ -198,9 +199,9 @@ class AStarPlanner:
         return self._field
 
 
-def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:
-    where = "({:.2f}, {:.2f})".format(*costmap.frame.centre_of(*goal))
-    if not field.is_free(*goal):
+def _reason(field: Field, goal: Pose2, cell: tuple[int, int], tolerance: float) -> str:
+    where = f"({goal.x:.2f}, {goal.y:.2f})"
+    if not field.is_free(*cell):
         return f"the goal {where} is in an obstacle or too close to one, and so is all within {tolerance:g} m of it"
     return f"no way leads to the goal {where}, nor to within {tolerance:g} m of it"
 

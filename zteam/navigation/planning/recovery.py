@@ -2,8 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
+import msgspec
+
+from zteam.config.numbers import NotNegative, Positive, Seconds
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, Velocity, normalize_angle
 from zteam.navigation.planning.controller import time_to_collision
@@ -20,25 +23,32 @@ class RecoveryOptions(CheckedOptions, frozen=True):
 
     behaviors: tuple[Behavior, ...] = get_args(Behavior)
     """In this order, again and again."""
-    number_of_retries: int = 8
+    number_of_retries: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 8
     """Behaviours after which it gives up: two rounds of all four."""
-    progress_radius: float = 1.0
+    progress_radius: NotNegative = 1.0
     """Metres from the place of the last behaviour, from which on all may be tried again."""
-    wait_duration: float = 2.0
+    wait_duration: Seconds = 2.0
     """Seconds."""
-    clear_distance: float = 2.0
+    clear_distance: NotNegative = 2.0
     """Metres around the robot."""
-    backup_dist: float = 0.3
-    backup_speed: float = 0.15
-    spin_dist: float = 1.57
+    backup_dist: NotNegative = 0.3
+    backup_speed: Positive = 0.15
+    spin_dist: NotNegative = 1.57
     """Radians."""
-    rotational_vel: float = 1.0
-    simulate_ahead_time: float = 1.0
+    rotational_vel: Positive = 1.0
+    max_rotational_vel: Positive = 100.0
+    """Nav2's bound of `rotational_vel`."""
+    simulate_ahead_time: Seconds = 1.0
     """Seconds ahead in which a motion must not touch an obstacle."""
-    time_allowance: float = 10.0
+    time_allowance: Seconds = 10.0
     """Seconds after which a motion ends, however far it came."""
-    stopped_allowance: float = 1.0
-    """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
+    stopped_allowance: Seconds = 1.0
+    """Seconds after which it tries another motion, if the robot does not move: its safety layer, say, or a wall that no
+    costmap shows, does not let it."""
+
+
+_MOVES = 0.02
+"""Metres, or radians, that are a motion."""
 
 
 class Recovery:
@@ -51,7 +61,9 @@ class Recovery:
         self.current: Behavior | None = None
         """The behaviour that has begun and is not over."""
         self._from = Pose2(0.0, 0.0, 0.0)
-        self._began = self._turned = self._last_yaw = self._free_at = 0.0
+        self._began = self._turned = self._last_yaw = self._moved_at = 0.0
+        self._moved_to = self._from
+        """Where it has moved last, at `_moved_at`."""
         self._way = 0
         """Which motion of a behaviour it tries."""
 
@@ -70,51 +82,55 @@ class Recovery:
         self.current = options.behaviors[self.count % len(options.behaviors)]
         self.count += 1
         self._began, self._from, self._turned, self._last_yaw = now, pose, 0.0, pose.yaw
-        self._way, self._free_at = 0, now
+        self._way, self._moved_at, self._moved_to = 0, now, pose
         return None
 
-    def step(self, now: float, pose: Pose2, costmap: Costmap, *, is_stopped: bool = False) -> Velocity | None:
+    def step(self, now: float, pose: Pose2, *costmaps: Costmap) -> Velocity | None:
         """What to do at `now` (s) with a robot at `pose`; None: the behaviour is over, plan and drive again.
 
-        It clears `costmap` itself. `is_stopped`: something else, such as its safety layer, does not let the robot move.
+        No motion touches an obstacle of any of the `costmaps`, since a local one may lack the map's walls. It clears
+        them itself.
         """
-        if not is_stopped:
-            self._free_at = now
+        moved = math.dist(pose[:2], self._moved_to[:2]), abs(normalize_angle(pose.yaw - self._moved_to.yaw))
+        if max(moved) > _MOVES:
+            self._moved_at, self._moved_to = now, pose
         velocity = None
         if self.current == "wait":
             velocity = Velocity() if now - self._began < self.options.wait_duration else None
         elif self.current == "clear_costmap":
-            costmap.clear_around(pose, self.options.clear_distance)
-            costmap.update()
+            for costmap in costmaps:
+                costmap.clear_around(pose, self.options.clear_distance)
+                costmap.update()
         elif self.current == "back_up":
-            velocity = self._back_up(now, pose, costmap)
+            velocity = self._back_up(now, pose, costmaps)
         elif self.current == "spin":
-            velocity = self._spin(now, pose, costmap)
+            velocity = self._spin(now, pose, costmaps)
         if velocity is None or now - self._began > self.options.time_allowance:
             self.current = None
             return None
         return velocity
 
-    def _back_up(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+    def _back_up(self, now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
         if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= self.options.backup_dist:
             return None
         speed = -self.options.backup_speed
         # A robot that came in on an arc may come out on one only.
-        return self._move([Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES], now, pose, costmap)
+        return self._move([Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES], now, pose, costmaps)
 
-    def _spin(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+    def _spin(self, now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
         self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
         self._last_yaw = pose.yaw
         if self._turned >= self.options.spin_dist:
             return None
-        rate = self.options.rotational_vel
-        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap)
+        rate = min(self.options.rotational_vel, self.options.max_rotational_vel)
+        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmaps)
 
-    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
         """The first of these motions that nothing is in the way of, once tried not again."""
         for velocity in ways[self._way :]:
-            is_blocked = time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf
-            if not is_blocked and now - self._free_at <= self.options.stopped_allowance:
+            ahead = self.options.simulate_ahead_time
+            is_blocked = any(time_to_collision(costmap, pose, velocity, ahead) < math.inf for costmap in costmaps)
+            if not is_blocked and now - self._moved_at <= self.options.stopped_allowance:
                 return velocity
-            self._way, self._free_at = self._way + 1, now
+            self._way, self._moved_at = self._way + 1, now
         return None

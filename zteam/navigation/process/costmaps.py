@@ -28,8 +28,6 @@ class Situation(NamedTuple):
     teammates: Sequence[Teammate] = ()
     pending: Velocity = Velocity()
     """The command that moves the robot until the one of this step does."""
-    is_stopped: bool = False
-    """Whether something else, such as its safety layer, does not let the robot move."""
 
 
 class Costmaps:

@@ -131,6 +131,11 @@ class AmclLocaliser(Localiser):
         self.covariance = self._amcl.covariance
         wide = math.sqrt(max(0.0, self.covariance[0, 0], self.covariance[1, 1]))
         self.problem = f"it is lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
+        if self._amcl.is_elsewhere:
+            key = names.robot_key(inputs.robot_id, names.INITIAL_POSE)
+            self.problem = f"it is lost: what its laser sees does not fit the map there; publish its pose on {key}"
+            # For all that go by its own estimate.
+            self.covariance = np.diag([4.0 * LOST_DEVIATION**2, 4.0 * LOST_DEVIATION**2, math.pi**2])
 
     def _find_initial_pose(self, inputs: Inputs) -> bool:
         initial = self._initial

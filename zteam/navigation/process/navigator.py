@@ -6,6 +6,7 @@ import msgspec
 
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState, PoseStamped
+from zteam.messages.base import Base
 from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker
 from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
@@ -131,7 +132,7 @@ class Navigator:
             return self._recover(here, costmaps)
         # There, no other path is of use, and the controller goes on to turn.
         there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
-        interval = math.inf if there else 1.0 / frequency
+        interval = math.inf if there else 1.0 / (frequency or 1.0)
         if self._blocked_since is not None:
             interval = min(interval, _AGAIN)
         if here.now - self._planned >= interval - 1e-6 and not self._plan(here, costmaps, self.goal):
@@ -177,7 +178,8 @@ class Navigator:
         except BlockedError as error:
             if self._blocked_since is None:
                 self._blocked_since, self._planned = here.now, -math.inf
-            if here.now - self._blocked_since > self._parameters.controller.failure_tolerance:
+            tolerance = self._parameters.controller.failure_tolerance
+            if 0.0 <= tolerance < here.now - self._blocked_since:
                 return self._fail(here, goal, str(error))
             return STOP
         self._blocked_since = None
@@ -211,16 +213,24 @@ class Navigator:
         return STOP
 
     def _recover(self, here: Situation, costmaps: Costmaps) -> Velocity:
-        pose, clears = here.pose, self._recovery.current == "clear_costmap"
-        velocity = self._recovery.step(here.now, pose, costmaps.local, is_stopped=here.is_stopped)
-        if clears:
-            costmaps.whole.clear_around(pose, self._parameters.recovery.clear_distance)
-            costmaps.whole.update()
+        velocity = self._recovery.step(here.now, here.pose, costmaps.local, costmaps.whole)
         if velocity is not None:
             return velocity
         self._progress.reset()
         self.plan_anew()
         return STOP
+
+
+def slow_down(velocity: Velocity, before: Velocity, limits: Base, seconds: float) -> Velocity:
+    """`velocity`, or a slower one on the same arc, `seconds` after `before`. Braking has no limit here."""
+    share = 1.0
+    for wanted, last, most, gain in (
+        (velocity.x, before.x, limits.max_vel_x if velocity.x > 0.0 else -limits.min_vel_x, limits.acc_lim_x),
+        (velocity.turn, before.turn, limits.max_vel_theta, limits.acc_lim_theta),
+    ):
+        most = min(most, (abs(last) if last * wanted > 0.0 else 0.0) + gain * seconds)
+        share = min(share, most / abs(wanted)) if abs(wanted) > most else share
+    return velocity if share == 1.0 else Velocity(share * velocity.x, share * velocity.y, share * velocity.turn)
 
 
 def move(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:

@@ -39,7 +39,7 @@ class _ShownCostmap:
         # A latched publisher does not know whether it has any.
         self._asked = node.publisher(key, messages.OccupancyGrid)
         self._publisher = node.publisher(key, messages.OccupancyGrid, latched=True)
-        self._interval = 1.0 / min(_MOST_COSTMAPS, frequency)
+        self._interval = 1.0 / min(_MOST_COSTMAPS, frequency) if frequency else math.inf
         self.due = -math.inf
         """When the next one may be sent, in seconds."""
 

@@ -6,18 +6,19 @@ from collections.abc import Collection
 from zteam import names
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped
-from zteam.messages.planar import is_finite, planar
+from zteam.messages.planar import goal_in_map, is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
-from zteam.navigation.process.navigator import STOP, Navigator
+from zteam.navigation.process.navigator import STOP, Navigator, slow_down
 from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
 
+NO_CARS = "navigation turns on the spot, as no car does: give the robot a base that drives 'diff' or 'omni'"
 NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
 
 
@@ -26,7 +27,7 @@ class RobotNavigation:
 
     def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
         self.inputs, self.outputs = inputs, outputs
-        self._parameters, self._seed = parameters, seed
+        self._parameters, self._seed, self._limits = parameters, seed, parameters.limits
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, parameters.make_controller(inputs.base))
         self._costmaps: Costmaps | None = None
@@ -78,7 +79,7 @@ class RobotNavigation:
         self._take_initial_pose()
         self._take_goal()
         here = self._localise(now, seconds, robots)
-        self._command = self._move(now, here)
+        self._command = slow_down(self._move(now, here), self._command, self._limits, seconds)
         self.outputs.drive(now, self._command, active=self.navigator.active)
         if self._costmaps is not None:
             self.outputs.show(now, self.navigator, None if here is None else here.pose, self._costmaps)
@@ -105,7 +106,7 @@ class RobotNavigation:
         if isinstance(message, str):
             self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {message}")
         elif message is not None:
-            goal = _read_goal(message, self.inputs)
+            goal = goal_in_map(message, self.inputs.robot_id, self.inputs.find)
             if isinstance(goal, Pose2):
                 self.navigator.accept(message, goal)
             else:
@@ -134,7 +135,7 @@ class RobotNavigation:
         status = self.inputs.newest.get(names.STATUS)
         is_stopped = status is not None and bool(status.reason)
         pending, scan = STOP if is_stopped else self._command, scan if fresh else None
-        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending, is_stopped)
+        return Situation(now / 1e9, seconds, pose, map_from_odom, scan, teammates, pending)
 
     def _move(self, now: int, here: Situation | None) -> Velocity:
         navigator = self.navigator
@@ -158,21 +159,11 @@ class RobotNavigation:
         inputs, localiser = self.inputs, self._localiser
         # It knew its place and saw, and what it goes by has stopped to come.
         has_old_scan = 0 <= inputs.stamp(names.BASE_SCAN) < now - OLD
-        problem = self._unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
+        unfit = NO_CARS if inputs.base.drive == "car" else self._unfit
+        problem = unfit or (NO_MAP if localiser is None else localiser.problem) or inputs.scan_problem
         if not problem and (here is None or here.scan is None):
             key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
             problem = f"no scan on {key} for {OLD / 1e9:g} s" if has_old_scan else f"no scan on {key}"
         if problem:
             return problem, has_old_scan or (localiser is not None and localiser.is_outdated)
         return inputs.is_held(now), True
-
-
-def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
-    """The goal in `map`, or why it is none. Without a frame it is in `map`."""
-    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
-    pose, place = planar(message.pose), inputs.find(names.MAP_FRAME, frame)
-    if place is None:
-        return f"the goal is in the frame {frame!r}, which no transform leads to"
-    if pose is None:
-        return "the goal is not finite, too far away, or its orientation is no rotation"
-    return place[0].compose(pose)

@@ -3,7 +3,7 @@ the safety layer under its answer."""
 
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import msgspec
 
@@ -12,6 +12,7 @@ from zteam.errors import BehaviorError, UsageError
 from zteam.messages import Message, NavigationStatus, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
+from zteam.robot.behaviors.steering import Steering
 from zteam.robot.safety.layer import STALE_AFTER, SafetyLayer, old_scan
 from zteam.robot.view import NO_POSE, View
 
@@ -90,8 +91,16 @@ class Behavior:
     """How often its line has been led from the other end; -1 where it cannot be. Each robot takes the highest."""
     navigation: NavigationStatus | None = None
     """What it says of its goal, for `robot_N/navigation/status`; None if it takes no goals. Its step changes it."""
+    steering: Steering | None = None
+    """What makes a car's command of its velocity; None: `step` itself returns the angle of a car's wheels."""
     reason: str = ""
     """Why it stands still, for the robot's status; empty while it does not."""
+
+    def __new__(cls, params: Any = None, *_: object) -> Self:
+        """A subclass with an `__init__` of its own has its parameters also where that does not call this one's."""
+        made = super().__new__(cls)
+        made.params = params
+        return made
 
     def __init__(self, params: Any) -> None:
         self.params = params
@@ -142,6 +151,8 @@ def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
     if trouble := old_data(behavior, view):
         return Twist(), trouble
     wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
+    if behavior.steering is not None and view.base.drive == "car":
+        wanted = behavior.steering.drive(view, wanted)
     return wanted, behavior.reason
 
 

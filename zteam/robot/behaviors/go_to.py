@@ -7,38 +7,12 @@ from typing import Annotated, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.geometry import FAR, Pose2, normalize_angle, yaw_from_quaternion
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
+from zteam.messages.planar import goal_in_map
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.view import NO_POSE, View, first_clear, is_clear, is_seen, look_along, own_pose
-
-REFUSED = "the goal is refused: "
-"""Begins every reason for which a goal is not taken."""
-_LEAST_NORM = 1e-3
-"""A shorter quaternion is no orientation; any other is taken for its direction."""
-
-
-def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
-    """The goal in `map`, by the newest transform of its frame; or None, and why it is refused."""
-    place, turn = message.pose.position, message.pose.orientation
-    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
-    if not (abs(place.x) <= FAR and abs(place.y) <= FAR and math.isfinite(norm)):
-        return None, f"{REFUSED}it has a value that is no number, or is more than {FAR / 1e3:g} km away"
-    if norm < _LEAST_NORM:
-        return None, f"{REFUSED}its orientation is zero; use w = 1 for none"
-    yaw = yaw_from_quaternion(*(part / norm for part in (turn.x, turn.y, turn.z, turn.w)))
-    pose = Pose2(place.x, place.y, yaw)
-    frame = message.header.frame_id.lstrip("/")
-    if not frame:
-        return None, f"{REFUSED}it names no frame; use {names.MAP_FRAME}"
-    if frame == names.MAP_FRAME:
-        return pose, ""
-    found = view.lookup(names.MAP_FRAME, frame)
-    if found is None or not all(map(math.isfinite, found[0])):
-        return None, f"{REFUSED}its frame {frame} has no transform to {names.MAP_FRAME}"
-    return found[0].compose(pose), ""
-
 
 REACH = 0.6
 """Metres ahead of the laser that have to be clear."""
@@ -242,7 +216,8 @@ class GoTo(Behavior):
 
     def _on_goal(self, message: PoseStamped, view: View) -> None:
         """One that is repeated changes nothing on the way; it counts anew at the goal."""
-        goal, self.reason = read_goal(message, view)
+        found = goal_in_map(message, view.robot_id, view.lookup)
+        goal, self.reason = (found, "") if isinstance(found, Pose2) else (None, found)
         self.navigation.goal, self.navigation.distance_remaining = message, 0.0
         if goal is None:
             self.navigation.state = NavigationState.ABORTED

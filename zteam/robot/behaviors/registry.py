@@ -1,19 +1,22 @@
 """Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
+import ast
 import importlib
 import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeGuard
 
 import msgspec
 
+from zteam.clock import wall_ns
 from zteam.config.entry_points import BEHAVIORS as GROUP
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.problems import problems_of
-from zteam.errors import UsageError, did_you_mean
+from zteam.errors import UsageError, check_call, did_you_mean
 from zteam.robot.behaviors.behavior import Behavior, check_inputs
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.formation import Formation
@@ -96,13 +99,30 @@ def look_in(folders: Iterable[str | Path]) -> None:
             sys.path.append(folder)
 
 
+_looked = wall_ns()
+_loaded: set[str] = set()
+"""Modules that a user has named for a run, and those that came with them."""
+
+
+def read_anew() -> None:
+    """Forget the user's loaded modules if one of them was edited since the last call: they are imported as they stand
+    now. A notebook is one process for many runs."""
+    global _looked
+    before, _looked = _looked, wall_ns()
+    files = {name: str(getattr(sys.modules.get(name), "__file__", None)) for name in _loaded - {"__main__"}}
+    own = {name: Path(file) for name, file in files.items() if is_own(file)}
+    if any(file.is_file() and file.stat().st_mtime_ns > before for file in own.values()):
+        for name in own:
+            sys.modules.pop(name, None)
+
+
 def find_behavior(spec: str) -> type[Behavior]:
     """The class called `spec`. Imports its module. Raises UsageError."""
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
-    if colon and module.endswith(".py"):
-        raise UsageError(f"no behaviour {spec!r} (did you mean {module[:-3].replace('/', '.')}:{name}?)")
+    if module.endswith(".py"):
+        raise UsageError(f"no behaviour {spec!r} (did you mean {_meant_by(Path(module), name)}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
@@ -113,13 +133,27 @@ def find_behavior(spec: str) -> type[Behavior]:
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
 
 
+def _meant_by(file: Path, name: str) -> str:
+    """How the class `name` in a file is written, without a name each class that the file may have."""
+    with suppress(OSError, ValueError, SyntaxError):
+        statements = ast.parse(file.read_bytes()).body
+        classes = [each.name for each in statements if isinstance(each, ast.ClassDef)]
+        name = name or f" or {file.stem}:".join(classes)
+    found, folder = f"{file.stem}:{name or 'CLASS'}", file.parent
+    if (folder / "__init__.py").is_file() and not folder.is_absolute():
+        return f"{'.'.join(folder.parts)}.{found}"
+    return found if folder == Path() else f"{found}, with the folder on the path (--path {folder})"
+
+
 def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
     """What the user's `module` calls `name`, for `what`. Raises UsageError with the names of what it `offers` there."""
+    before = {*sys.modules}
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
         raise UsageError(f"{what}: cannot import {module}: {explain(error)}") from error
+    _loaded.update({*sys.modules} - before, {module})
     found = getattr(imported, name, None)
     if found is None:
         place = getattr(imported, "__file__", None) or "built in"
@@ -129,6 +163,12 @@ def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] 
             if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
         ]
         way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
+        if module == "__main__":
+            way_out = "; what a notebook or a script defines is in its own process alone: write it into a file"
+        files = (Path(folder, f"{module}.py") for folder in sys.path)
+        hidden = next((file for file in files if is_own(str(file)) and file.is_file()), None)
+        if hidden is not None and not is_own(str(place)):
+            way_out = f"; it hides your {hidden}: give that file another name"
         raise UsageError(f"{what}: module {module} ({place}) has no {name}{way_out}")
     return found
 
@@ -147,14 +187,9 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     check_inputs(f"behaviour {spec!r}: inputs", found.inputs)
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
-    for called, given, text in (
-        (found, [None], "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"),
-        (found.step, [None, None], f"its step must take the view: {_STEP}"),
-    ):
-        try:
-            inspect.signature(called).bind(*given)
-        except TypeError:
-            raise UsageError(f"behaviour {spec!r}: {text}") from None
+    text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
+    check_call(found, 1, f"behaviour {spec!r}: {text}")
+    check_call(found.step, 2, f"behaviour {spec!r}: its step must take the view: {_STEP}")
     return found
 
 

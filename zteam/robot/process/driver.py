@@ -29,7 +29,7 @@ log = logging.getLogger("zteam")
 
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
-ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
+ALONE = "nothing comes from its base (or zteam-sim WORLD)"
 
 
 class SafetyLog:
@@ -52,9 +52,11 @@ class SafetyLog:
             if not self._began or (stands and not self._stands):
                 self.stops += not self._began
                 self._began, self._stands = self._began or now, stands
-                wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
-                verb = "stopped" if stands else "slowed"
-                log.info("safety: %s %s (%.2f m/s): %s", verb, wanting, wanted.linear.x, trouble)
+                if stands:
+                    wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
+                    log.info("safety: stopped %s (%.2f m/s): %s", wanting, wanted.linear.x, trouble)
+                else:
+                    log.info("safety: %s slowly: %s", "backs up" if wanted.linear.x < 0.0 else "drives", trouble)
         elif self._began and wanted.linear.x:
             self._free = self._free or now
             if now - self._free >= FREE_AFTER:
@@ -207,6 +209,8 @@ class Driver:
         if self.absence and has_none:
             return [f"its first scan: {self.absence}"]
         lacking = missing(view, self.behavior) + self._inputs.missing()
-        if self.is_alone and has_none:
+        if self.absence and lacking:
+            lacking[-1] += f": {self.absence}"
+        if self.is_alone and has_none and view.odom is None:
             lacking[-1] += f": {ALONE}"
         return lacking

@@ -55,7 +55,7 @@ class TransformInputs:
         self.buffer = Buffer()
         self._bundle: TFMessage | None = None
         """The one that was taken last."""
-        self._found: dict[tuple[str, str], tuple[Pose2, int] | None] = {}
+        self._found: dict[tuple[str, str, int], tuple[Pose2, int] | None] = {}
         """The answers of `find_pose`, of the newest messages: these put another dictionary in its place."""
 
     def on_bundle(self, bundle: TFMessage, now: int = 0) -> None:
@@ -72,12 +72,13 @@ class TransformInputs:
         self.buffer.set_all_static(message.transforms, names.TF)
         self._found = {}
 
-    def find_pose(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
-        """The newest `target_from_source` in the plane and its stamp; None if it is unknown. Any thread may call it."""
-        found, frames = self._found, (target_frame, source_frame)
+    def find_pose(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int] | None:
+        """`target_from_source` at `time`, or the newest, in the plane and its stamp; None if it is unknown. Any thread
+        may call it."""
+        found, frames = self._found, (target_frame, source_frame, time)
         if frames not in found:
             try:
-                found[frames] = self.buffer.lookup_pose2(target_frame, source_frame, 0)
+                found[frames] = self.buffer.lookup_pose2(target_frame, source_frame, time)
             except TransformException:
                 found[frames] = None
         return found[frames]
@@ -194,7 +195,9 @@ class RobotInputs:
         return {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
 
     def missing(self) -> list[str]:
-        """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
+        """As nouns for the robot's status: `base_info`, while it has to come before the robot is ready, and stamps."""
+        if self.scan is not None and not self.scan_stamp:
+            return [f"a time stamp in its scans ({names.scan_key(self._id, 0)}), which have 0"]
         key = names.robot_key(self._id, names.BASE_INFO)
         return [] if self._id in self._told or self._given_up else [f"its footprint ({key})"]
 

@@ -24,7 +24,7 @@ from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
-from zteam.simulator.client import absence_text, read_status
+from zteam.simulator.client import absence_of, absence_text, read_status
 
 log = logging.getLogger("zteam")
 
@@ -58,7 +58,8 @@ class RobotNode:
         self._node = node
         self._id = options.robot_id
         self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
-        readiness = Readiness(gated=options.gate)
+        way_out = "" if node.in_team else "zteam-monitor; --no-gate drives at once"
+        readiness = Readiness(gated=options.gate, way_out=way_out)
         self.status = StatusReport(node, self._id, options.behavior, readiness, node.switch, safety=options.safety)
         self.driver = Driver(node, self._inputs, kind, self.status, options, self._team)
         self._lateness = Lateness()
@@ -220,7 +221,7 @@ class RobotNode:
         before, self._scan = self._scan, self._inputs.scan
         node, driver = self._node, self.driver
         if self._scan is not before:
-            driver.absence = ""
+            driver.absence = self._find_leader()
             self._tell_outage("")
             return
         try:
@@ -238,6 +239,13 @@ class RobotNode:
         elif self._id not in status.robots:
             driver.absence = f"{node.name} is {absence_text(self._id, status.robots)}"
         driver.is_alone = status is None
+
+    def _find_leader(self) -> str:
+        """Before GO: why the pose of the leader cannot come; empty if it is in the world, or nothing is known of it."""
+        leader = self.driver.behavior.leader
+        if leader is None or self._node.readiness.released:
+            return ""
+        return absence_of(self._node.bus, leader)
 
     def _find_outage(self) -> str:
         """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""
@@ -276,7 +284,8 @@ def run_robot(
     leader = robot.driver.behavior.leader
     behind = "" if leader is None else f" behind {names.robot_name(leader)}"
     go = "then for the monitor's GO" if options.gate else "not for GO (--no-gate)"
-    log.info("robot %d, behaviour %s%s: waiting for its data, %s", options.robot_id, options.behavior, behind, go)
+    waits = "" if node.in_team else f": waiting for its data, {go}"
+    log.info("robot %d, behaviour %s%s%s", options.robot_id, options.behavior, behind, waits)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
     node.drive(robot.beat)

@@ -409,7 +409,7 @@ class SafetyLayer:
         if share >= 1.0:
             return asked, ""
         where = "behind" if is_seen and not forwards else side
-        return asked.scale(share), Reason(f"no laser looks {where}", slows=True)
+        return asked.scale(share), Reason(f"it cannot see {where}", slows=True)
 
     def _avoid(self, motion: Velocity) -> tuple[Velocity, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""

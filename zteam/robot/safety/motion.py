@@ -160,7 +160,8 @@ class BaseLimits:
         self.turns_apart = not self._is_car
         """Whether the base can turn as it likes while it drives more slowly."""
         reach = [x for x, _ in base.footprint]
-        self._wheelbase = base.wheelbase or _WHEELBASE_SHARE * (max(reach) - min(reach))
+        self.wheelbase = base.wheelbase or _WHEELBASE_SHARE * (max(reach) - min(reach))
+        """Metres from axle to axle of a car."""
         self._most_y = base.max_vel_y if self._is_omni else 0.0
         bounds = base.acc_lim_x, base.decel_lim_x, base.decel_lim_reverse, base.acc_lim_y, base.acc_lim_theta
         self._has_accelerations = any(map(math.isfinite, bounds))
@@ -181,15 +182,15 @@ class BaseLimits:
         motion = Velocity(float(x), float(y), float(turn))
         if self._is_car:
             x = max(self._base.min_vel_x, min(self._base.max_vel_x, motion.x))
-            motion = Velocity(x * math.cos(motion.turn), 0.0, x * math.sin(motion.turn) / self._wheelbase)
+            motion = Velocity(x * math.cos(motion.turn), 0.0, x * math.sin(motion.turn) / self.wheelbase)
         return self.clamp(motion)
 
     def command_of(self, motion: Velocity) -> Twist:
         """The command that makes the base do this."""
         x, y, turn = motion
         if self._is_car:
-            angle = math.atan2(math.copysign(turn, turn * x) * self._wheelbase, abs(x)) if x else 0.0
-            x, turn = math.copysign(math.hypot(x, turn * self._wheelbase), x) if x else 0.0, angle
+            angle = math.atan2(math.copysign(turn, turn * x) * self.wheelbase, abs(x)) if x else 0.0
+            x, turn = math.copysign(math.hypot(x, turn * self.wheelbase), x) if x else 0.0, angle
         return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
 
     def clamp(self, wanted: Velocity) -> Velocity:

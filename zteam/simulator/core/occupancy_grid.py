@@ -5,14 +5,11 @@ import math
 import numpy as np
 
 from zteam import names
-from zteam.errors import UsageError
 from zteam.geometry import in_polygon, signed_area
-from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
+from zteam.messages import Header, OccupancyGrid, time_from_ns
 from zteam.simulator.world.model import Floorplan, World
-from zteam.simulator.world.placing import find_bounds, place_points, standing_polygons
+from zteam.simulator.world.placing import MAX_MAP_CELLS, map_metadata, place_points, standing_polygons
 
-MAX_CELLS = 64_000_000
-"""A byte each: the message stays below the bus's largest payload."""
 _STRIP = 16
 """Rows of a map that are drawn at once: few enough that their arrays stay in the processor's cache."""
 
@@ -21,9 +18,9 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
 
     A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's polygon, or where something
-    thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
+    thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_MAP_CELLS.
     """
-    info = map_metadata(world, resolution)
+    info = map_metadata(world, resolution, MAX_MAP_CELLS)
     columns, rows, low = info.width, info.height, np.array((info.origin.position.x, info.origin.position.y))
     x = low[0] + (np.arange(columns) + 0.5) * resolution
     y = low[1] + (np.arange(rows) + 0.5) * resolution
@@ -38,22 +35,6 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
         if _thickness(polygon) < resolution:
             _mark(grid, low, resolution, *_along(polygon, resolution))
     return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
-
-
-def map_metadata(world: World, resolution: float) -> MapMetaData:
-    """Origin and size of the map of everything that stands still. Raises UsageError for more than MAX_CELLS."""
-    # A world may be empty: its robots come later.
-    corners = [robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]
-    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
-    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
-    if columns * rows > MAX_CELLS:
-        coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
-        raise UsageError(
-            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
-            f"cell: give --map-resolution {coarser:.2g} or more"
-        )
-    origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
-    return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
 
 def _draw_plan(grid: np.ndarray, x: np.ndarray, y: np.ndarray, plan: Floorplan) -> None:
@@ -83,7 +64,8 @@ def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y
 def _thickness(polygon: np.ndarray) -> float:
     """About the width of something long."""
     around = np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum()
-    return 2.0 * abs(signed_area(polygon.tolist())) / float(around)
+    # Far from the origin, the products of coordinates would be rounded to square metres.
+    return 2.0 * abs(signed_area((polygon - polygon[0]).tolist())) / float(around)
 
 
 def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarray]:

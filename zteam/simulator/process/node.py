@@ -46,7 +46,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
     simulation.match_robots()
     if options.has_map:
         grid = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
-        grid.put(map_message(world, options.map_resolution))
+        grid.put(map_message(world, options.engine.map_resolution))
     return simulation
 
 

@@ -16,7 +16,6 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
 from zteam.simulator import client
 from zteam.simulator.core import Engine, Observation
-from zteam.simulator.core.occupancy_grid import map_metadata
 from zteam.simulator.faults import FaultPlan, is_simulated
 from zteam.simulator.process.commands import Holds, RobotCommands
 from zteam.simulator.process.lockstep import LockStep
@@ -25,6 +24,7 @@ from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
 from zteam.simulator.process.statistics import RunStatistics, TickProfile
 from zteam.simulator.world import Robot, World, add_robot
+from zteam.simulator.world.placing import map_metadata
 
 log = logging.getLogger("zteam")
 
@@ -40,7 +40,7 @@ class Simulation:
 
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
         self.world, self._options, self._instance = world, options, node.bus.instance
-        self._map = client.map_info(map_metadata(world, options.map_resolution))
+        self._map = client.map_info(map_metadata(world, options.engine.map_resolution))
         self.engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self.pacer = Pacer(world.interval, options.speed, paused=options.paused)
         self.boundary = TickBoundary(node, self.pacer)

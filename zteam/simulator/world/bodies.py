@@ -17,8 +17,8 @@ from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
 
-DARK = 127
-"""A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
+DARK = 127.5
+"""A pixel is occupied if its first channel is below this: Stage's fixed threshold; map_server's 205 is free."""
 
 BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
@@ -41,11 +41,14 @@ Surface = tuple[float, bool, str]
 
 
 def read_bitmap(path: Path) -> Grid:
-    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; a pixel that is more transparent than not
+    is free, as in a viewer with a white ground. Stage does not look at alpha; no world of its own tells the difference.
 
     Raises WorldError, as `read_channels` does.
     """
-    return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
+    pixels = read_channels(path)[::-1]
+    is_solid = pixels[:, :, -1] > DARK if pixels.shape[2] in (2, 4) else True
+    return np.ascontiguousarray((pixels[:, :, 0] < DARK) & is_solid)
 
 
 def occupied_box(occupied: Grid) -> Box | None:
@@ -208,12 +211,14 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
     return *body.blocks, *(_box(x, y, x + width, y + depth, body.size.z) for (x, y), (width, depth) in places)
 
 
-def place_floorplan(body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str) -> Floorplan:
-    """A bitmap that stands still: its cells fill the box of the model's size."""
+def place_floorplan(
+    body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str, picture: tuple[int, ...]
+) -> Floorplan:
+    """A bitmap that stands still, of a picture of this shape: its cells fill the box of the model's size."""
     rows, columns = occupied.shape
     pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
     cell = body.size.x / columns, body.size.y / rows
-    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
+    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface, picture)
 
 
 def _read_color(reader: Reader) -> str:
@@ -244,10 +249,13 @@ def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
             floor = read_floor_map(path) if is_floor_map(path) else None
             occupied = read_bitmap(path) if floor is None else floor.occupied
         except WorldError as error:
+            if is_floor_map(Path(reader.entity.place.file)):  # a world by itself, which the error names
+                raise
             reader.fail("bitmap", str(error))
         if reading == "crop" and floor is None:
             bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
-            occupied = occupied[bottom:top, left:right].copy()
+            whole, occupied = occupied.shape, occupied[bottom:top, left:right].copy()
+            settings.pictures[id(occupied)] = whole
         reader.add_up("bitmap", "pixels of bitmaps", occupied.size, MAX_PIXELS)
         settings.bitmaps[key] = occupied, floor
     occupied, floor = settings.bitmaps[key]

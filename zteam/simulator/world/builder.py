@@ -27,9 +27,8 @@ WHEEL_SEPARATION = 0.3
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 MAX_INTERVAL_MS = 60_000
-BUILT_IN = """
-# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
-# the body, so that robots see each other.
+ERRATIC = """
+# The laser is lowered into the body, so that robots see each other.
 define erratic position
 (
   size [0.35 0.35 0.25]
@@ -38,6 +37,7 @@ define erratic position
   ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
 )
 """
+"""The default robot: `add_robot` makes it of "erratic" in a world without such a macro."""
 
 
 def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
@@ -169,7 +169,8 @@ class Builder:
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
             map_from_body = owner_from_model.compose(body.origin.planar)
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name))
+            picture = self._settings.pictures.get(id(body.bitmap), body.bitmap.shape)
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name, picture))
         if chassis is None and body.blocks:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
@@ -204,9 +205,11 @@ class Builder:
         kind, place, sensing = reader.entity.type, reader.entity.place, MODELS
         if kind in ("block", "sensor"):
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
-        known = TYPES | frozenset(sensing)
+        known, macros = TYPES | frozenset(sensing), self._settings.macros
         if kind not in known:
-            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=MEANT)
+            if kind in macros:
+                raise place.error(f"{kind!r:.60} is defined further down, at {macros[kind]}: move its definition up")
+            hint = did_you_mean(kind, sorted(known | macros.keys()), form=MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in UNSUPPORTED:
@@ -246,7 +249,8 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    settings = Settings(path.parent, remarks, whole_bitmaps, frozenset(document.macros))
+    macros = {name: macro.place for name, macro in document.macros.items()}
+    settings = Settings(path.parent, remarks, whole_bitmaps, macros)
     settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
     reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)
@@ -274,7 +278,7 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
+    built_in = parse_text(ERRATIC, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
     templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
     if model not in templates:
         known = ", ".join(sorted(templates))

@@ -56,6 +56,8 @@ class Floorplan(msgspec.Struct, frozen=True, eq=False):
     ranger_return: float = 1.0
     obstacle: bool = True
     color: str = "black"
+    picture: tuple[int, ...] = ()
+    """Rows and columns of the picture that it was cropped from, or of the whole one."""
 
 
 class Obstacle(msgspec.Struct, frozen=True):

@@ -139,7 +139,7 @@ class Document:
         self._skip_lines()
         base = self._expect(TokenKind.NAME, f"the type or macro that {name} is made of")
         self._skip_lines()
-        macro = Macro(base.written, base.place, self._at)
+        macro = Macro(base.written, name.place, self._at)
         # Like Stage, look only for the ')' that belongs to the '('.
         opening = self._expect(TokenKind.OPEN, "'('")
         depth = 1

@@ -9,12 +9,17 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Point2, Pose2, in_polygon
+from zteam.config.map_files import Grid
+from zteam.errors import UsageError
+from zteam.geometry import FAR, Point2, Pose2, in_polygon
+from zteam.messages import MapMetaData, Point, Pose
 from zteam.simulator.world.model import Floorplan, Robot, Shape, World
 
 Floats = NDArray[np.float64]
-REACH = 1e6
-"""Metres from the origin of `map` to the end of an open world."""
+MAX_MAP_CELLS = 64_000_000
+"""A byte each: the message stays below the bus's largest payload."""
+START_ROOM = 0.6
+"""Metres of the free square in which a robot starts."""
 WALL_RIM = 0.05
 """Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
 touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
@@ -47,6 +52,24 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
     return ""
 
 
+def find_places(occupied: Grid, cell: float, count: int) -> list[Point2]:
+    """At most `count` places for robots, all over the free room of a bitmap with square cells of `cell` metres: x, y
+    from its lower left corner. Room that is open to the edge is taken only if there is not enough inside."""
+    from PIL import Image, ImageDraw
+
+    # In free squares, of which there are never so many that filling takes long.
+    side = max(1, math.ceil(START_ROOM / cell), max(occupied.shape) // 1000)
+    rows, columns = (length // side for length in occupied.shape)
+    free = ~occupied[: rows * side, : columns * side].reshape(rows, side, columns, side).any(axis=(1, 3))
+    # Filling has no effect on an image that is the array itself.
+    image = Image.fromarray(np.pad(free, 1, constant_values=True).astype(np.uint8)).copy()
+    ImageDraw.floodfill(image, (0, 0), 2)
+    inside = np.asarray(image)[1:-1, 1:-1] == 1
+    found = np.argwhere(inside if np.count_nonzero(inside) >= count else free)
+    chosen = found[np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int)]
+    return [(x, y) for y, x in ((chosen + 0.5) * (side * cell)).round(6).tolist()]
+
+
 def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
     """The world's own robots that have no room at their start poses, and what keeps each from standing there.
 
@@ -62,6 +85,23 @@ def find_bounds(world: World) -> tuple[Floats, Floats] | None:
     """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
     corners = [*map(plan_corners, world.floorplans), *standing_polygons(world)]
     return (np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)) if corners else None
+
+
+def map_metadata(world: World, resolution: float, most: float = math.inf) -> MapMetaData:
+    """Origin and size of the map of everything that stands still. Raises UsageError for more than `most` cells."""
+    # A world may be empty: its robots come later.
+    corners = [robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]
+    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
+    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-6)
+    if columns * rows > most:
+        # Two digits, rounded up.
+        enough = float(f"{1.05 * resolution * math.sqrt(columns * rows / most):.2g}")
+        raise UsageError(
+            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
+            f"cell: say map_resolution = {enough:g} in [simulation] of the team file, or --map-resolution {enough:g}"
+        )
+    origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
+    return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
 
 def standing_polygons(world: World) -> list[Floats]:
@@ -91,8 +131,8 @@ def place_points(pose: Pose2, points: Floats) -> Floats:
 
 def _find_outside(world: World, pose: Pose2) -> str:
     """A world is open if a robot of its own starts beyond its bounds, or if it has neither a robot nor a bitmap."""
-    if not max(abs(pose.x), abs(pose.y)) <= REACH:
-        return f"would stand outside of the world, which ends {REACH:g} m from its origin"
+    if not max(abs(pose.x), abs(pose.y)) <= FAR:
+        return f"would stand outside of the world, which ends {FAR:g} m from its origin"
     bounds = find_bounds(world)
     if bounds is None or not (world.robots or world.floorplans):
         return ""

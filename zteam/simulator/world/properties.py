@@ -118,13 +118,15 @@ class Settings(msgspec.Struct, frozen=True):
     folder: Path
     remarks: Remarks
     whole_bitmaps: bool = False
-    macros: frozenset[str] = frozenset()
-    """Names of the file's macros, for error texts."""
+    macros: dict[str, TextPlace] = msgspec.field(default_factory=dict)
+    """Where each macro of the file is defined, for error texts."""
     units: Units = Units()
     bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None]] = msgspec.field(default_factory=dict)
     """Bitmaps read so far, by file and reading: many models may share one."""
     boxes: dict[int, list[tuple[int, int, int, int]]] = msgspec.field(default_factory=dict)
     """Rectangles of bitmaps on robots, by the bitmap's identity; none if there are too many."""
+    pictures: dict[int, tuple[int, int]] = msgspec.field(default_factory=dict)
+    """Rows and columns of the pictures that bitmaps were cropped from, by the bitmap's identity."""
     counts: Counter[str] = msgspec.field(default_factory=Counter)
     """Of what a small file must not make so much that it takes long or fills the memory."""
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from zteam.config.foreign_files import refuse_foreign
 from zteam.config.resources import read_file
 from zteam.errors import WorldError
 from zteam.simulator.world.model import Remark
@@ -80,6 +81,7 @@ def find_file(name: str, folder: Path) -> Path | None:
 
 def read_text(path: Path) -> str:
     """The text of a world file; raises WorldError without a place. Bytes that are not UTF-8 become U+FFFD."""
+    refuse_foreign(path, "a world of Stage", WorldError)
     data = read_file(path, "world file", MAX_FILE_BYTES, WorldError)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise WorldError(f"{path}: UTF-16 text; save it as UTF-8")

@@ -9,12 +9,15 @@ from zteam import names
 from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
-from zteam.geometry import Pose2, quaternion_from_rpy, turn_problem
+from zteam.geometry import FAR, Pose2, quaternion_from_rpy, turn_problem
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.messages.base import BaseOverride
 
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
+
+NO_BEHAVIOR = "none"
+"""`behavior = "none"`: the team starts no process for the robot; a program of the user's own drives its base."""
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
@@ -76,6 +79,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
+        if not self.has_process and (needless := next(iter(self.params), self.navigation and "navigation")):
+            raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
         if "leader" in self.params and (self.follow is not None or self.behavior is None):
@@ -84,6 +89,11 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise KeyValueError("follow", f"both follow and behavior = {toml_text(self.behavior)}; keep one of them")
         if self.follow == self.id:
             raise KeyValueError("follow", f"robot {self.id} cannot follow itself; name another robot")
+
+    @property
+    def has_process(self) -> bool:
+        """Whether the team starts a process for it."""
+        return self.behavior != NO_BEHAVIOR
 
 
 class NodeEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,7 +130,7 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if len({"", names.strip_slash(self.parent), names.strip_slash(self.child)}) < 3:
             raise KeyValueError("child", "must be the name of another frame than parent")
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
-            if not math.isfinite(getattr(self, name)):
+            if not abs(getattr(self, name)) <= FAR:
                 raise KeyValueError(name, f"{getattr(self, name)} is no number to place a frame with")
             if len(name) > 1 and (text := turn_problem(getattr(self, name))):
                 raise KeyValueError(name, text)
@@ -160,6 +170,11 @@ class Team(msgspec.Struct, frozen=True):
     nodes: list[NodeEntry] = []
     folders: tuple[str, ...] = ()
     """Of its file and of those that it includes, absolute: modules of behaviours may lie there."""
+
+    @property
+    def driven(self) -> list[RobotEntry]:
+        """The robots that have a process of the team."""
+        return [robot for robot in self.robots if robot.has_process]
 
     def restarts(self, entry: RobotEntry | NodeEntry) -> bool:
         """Whether this robot or node is started again when it has failed."""

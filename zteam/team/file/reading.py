@@ -36,7 +36,7 @@ S = TypeVar("S", bound=msgspec.Struct)
 class Tables(msgspec.Struct, forbid_unknown_fields=True):
     """The keys of a team file."""
 
-    robots: Annotated[list[dict[str, Any]], msgspec.Meta(min_length=1)]
+    robots: Annotated[list[dict[str, Any]], msgspec.Meta(min_length=1)] = []
     team: dict[str, Any] = {}
     nodes: list[dict[str, Any]] = []
     defaults: dict[str, Any] = {}
@@ -92,6 +92,14 @@ def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
     return _read_entries(files, files.adopt(name, tables))
 
 
+def set_map_resolution(file: TeamFile, metres: float | None) -> None:
+    """Let the simulator's map have cells of this size, not that of the team file; None changes nothing. Raises
+    ValueError."""
+    if metres is not None:
+        simulation = msgspec.structs.replace(file.team.simulation, map_resolution=metres)
+        file.team = msgspec.structs.replace(file.team, simulation=simulation)
+
+
 def team_world(file: TeamFile) -> Path | None:
     """The world file that a team file asks for, None for real robots. Raises ConfigError."""
     world = file.team.team.world
@@ -109,6 +117,8 @@ def team_world(file: TeamFile) -> Path | None:
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
     problems = problems_of(table, Tables)
+    if "robots" not in table and not table.get("nodes"):
+        problems.append(Problem((), "the key robots is missing"))
     for i, (path, _) in enumerate(problems):
         name = path[0] if path else ""
         if name in LISTS and isinstance(table[name], Table):

@@ -14,7 +14,7 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
+from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, open_quote, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -24,7 +24,19 @@ MAX_FILES = 100
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_REFERENCE = re.compile(rf"\$\{{({_NAME.pattern})(?::-((?:(?!\$\{{).)*))?\}}", re.DOTALL)
+_BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
+_REFERENCE = re.compile(
+    rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
+)
+
+
+_HINTS = {
+    "Invalid value": "; text needs quotes (numbers such as 0.5, true and false do not)",
+    "Expected '=' after a key in a key/value pair": "; write key = value",
+}
+"""The way out, by what tomllib finds wrong."""
+_OPEN_QUOTE = (r"Illegal character '\n'", 'Expected "\'"', "Unterminated string", "Unclosed array")
+"""How begins what it finds wrong where a quote is missing."""
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -63,7 +75,7 @@ class Mistake(NamedTuple):
 
     def __str__(self) -> str:
         """`file:line: key: text`, on one line also where a text of the file has line breaks."""
-        return f"{self.place}: {' '.join(str(Problem(self.place.path, self.text)).split())}"
+        return f"{self.place}: {' '.join(str(Problem(self.place.path, self.text)).splitlines())}"
 
 
 def error_of(mistakes: Iterable[Mistake]) -> ConfigError:
@@ -126,11 +138,13 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return table
     if isinstance(value, list):
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
-    return fill(value, place) if fill and isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    return fill(value, place) if fill else resources.from_home(value)
 
 
 class Argument(NamedTuple):
-    """One place at which a file takes an argument: a text that is exactly `${name}` or `${name:-default}`."""
+    """One place at which a file takes an argument: `${name}` or `${name:-default}`, in a text or for it."""
 
     name: str
     default: str | None
@@ -218,15 +232,25 @@ class Files:
         return merge(merged, own, lists=LISTS)
 
     def _fill(self, text: str, place: KeyPlace) -> Any:
-        found = _REFERENCE.fullmatch(text)
-        if found is None:
-            return text
-        self.arguments.append(Argument(found[1], found[2], place))
-        given = self._given.get(found[1], found[2])
-        if given is None:
-            self.missing.append(Mistake(place, f"the argument {found[1]} is missing: give {found[1]}=VALUE"))
-            return text
-        return _placed(parse_value(given), place)
+        """The value that a whole text stands for; else the text, with the texts of the arguments in it."""
+
+        def take(found: re.Match[str]) -> tuple[Any, str]:
+            if found["escape"]:
+                return "", found[0][1:]
+            name, default = found["name"], found["default"]
+            self.arguments.append(Argument(name, default, place))
+            given = self._given.get(name, default)
+            if given is None:
+                told = f"the argument {name} is missing: give {name}=VALUE ($${{{name}}} is this text itself)"
+                self.missing.append(Mistake(place, told))
+                return "", found[0]
+            value = parse_value(given)
+            return value, value if isinstance(value, str) else given
+
+        whole = _REFERENCE.fullmatch(text)
+        if whole is not None and not whole["escape"]:
+            return _placed(take(whole)[0], place)
+        return resources.from_home(_REFERENCE.sub(lambda found: take(found)[1], text))
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])
@@ -279,6 +303,10 @@ def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        hint = "; text needs quotes" if told == "Invalid value" else ""
+        if told.startswith(_OPEN_QUOTE) and (line := open_quote(data.decode("utf-8-sig"))):
+            told, line_and_column = "the text that begins here has no closing quote", [str(line)]
+        hint = _HINTS.get(told, "")
+        if path.suffix.lower() != ".toml":
+            hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
         hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
         raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None

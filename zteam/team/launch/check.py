@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import Robot, World
-from zteam.simulator.world.placing import find_hindrance
+from zteam.simulator.world.placing import MAX_MAP_CELLS, find_hindrance, map_metadata
 from zteam.team.file.entries import RobotEntry, behavior_of, navigation_of
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
@@ -40,9 +41,10 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
-    own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
+    driven = {i: entry for i, entry in file.robots.items() if entry.has_process}
+    own = {i: entry for i, entry in driven.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
     with asking([_question(entry) for entry in own.values()], file.team.folders) as answers:
-        for i, entry in file.robots.items():
+        for i, entry in driven.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
@@ -123,12 +125,43 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
             script = arguments[0] if arguments else ""
             if script.endswith(".py") and existing_file(folder / script) is None:
                 yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
-        elif not is_own(program):
-            there, where = (folder / program, f"in {folder}") if os.sep in program else (program, "on PATH")
-            # No system takes a NUL.
-            if "\0" not in program and shutil.which(there):
-                continue
-            yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
+        elif not is_own(program) and (text := _program_fault(folder, program)):
+            yield Problem(("nodes", i, "command", 0), text)
+
+
+def _program_fault(folder: Path, program: str) -> str:
+    """Why a program cannot be started in this folder, and the way out; empty if nothing is known against it."""
+    beside, is_path = folder / program, os.sep in program
+    # No system takes a NUL.
+    found = None if "\0" in program else shutil.which(beside if is_path else program)
+    by_python = f'command = ["python", "{program}", …]'
+    if found is not None:
+        return _format_fault(Path(found), by_python)
+    if is_path and is_folder(beside):
+        return f"{beside} is a folder: name the program in it"
+    if existing_file(beside) is None:
+        return f"there is no program {program!r} {f'in {folder}' if is_path else 'on PATH'}"
+    if not is_path:
+        return f'there is no program {program!r} on PATH; the file in {folder} is "./{program}", or {by_python}'
+    return f"{beside} has no right to be executed: give it with 'chmod +x', or start a script by {by_python}"
+
+
+def _format_fault(path: Path, by_python: str) -> str:
+    """Why the system does not take a file with the right to be executed as a program."""
+    line = b""
+    # It may be executed, and not read.
+    with suppress(OSError), path.open("rb") as file:
+        line = file.readline(1024)
+    if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
+        return f"{path} is a program for Windows"
+    if line.startswith(b"#!"):
+        if line.endswith(b"\r\n"):
+            return f"{path} has Windows line ends, so its first line names no program: save it with those of Unix"
+        is_there = existing_file(path.parent / (os.fsdecode(line[2:]).split() or [""])[0])
+        return "" if is_there else f"the first line of {path} names a program that is not there"
+    if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
+        return f"{path} is no program: begin a script with a line such as '#!/usr/bin/env python3', or say {by_python}"
+    return ""
 
 
 def refuse_nodes(file: TeamFile, way_out: str) -> None:
@@ -139,8 +172,11 @@ def refuse_nodes(file: TeamFile, way_out: str) -> None:
 
 
 def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
-    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it. `robots`
-    gets all that will stand in it, by id."""
+    """A world too large for its map. Robots that the world in the file `name` does not have, that it has already, or
+    that have no room in it; `robots` gets all that will stand in it, by id."""
+    if file.team.team.map is None:
+        size = partial(map_metadata, world, file.team.simulation.map_resolution, MAX_MAP_CELLS)
+        yield from _refused(("simulation", "map_resolution"), size)
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
     robots.update(standing)
     ids = {entry.id for entry in file.robots.values()}
@@ -174,11 +210,15 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
 def _sensor_problems(
     file: TeamFile, world: str, robots: Mapping[int, Robot], topics: Mapping[int, Sequence[str]]
 ) -> Iterator[Problem]:
-    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`."""
+    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`, and cars that are
+    to navigate."""
     for i, entry in file.robots.items():
         robot = robots.get(entry.id)
-        if robot is None:
+        if robot is None or not entry.has_process:
             continue
+        if robot.drive == "car" and navigation_of(entry):
+            text = f"robot {entry.id} is a car, and navigation turns on the spot: give it a model with drive 'diff' or"
+            yield Problem(("robots", i, "navigation"), f"{text} 'omni', or let it wander or follow without navigation")
         # No robot drives without a laser. The rest may come from a process of the user's own.
         needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]
         published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}

@@ -181,7 +181,7 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
         # In the place of the simulator's own map.
         told[names.MAP_SERVER] = MapOptions(folder / team.team.map)
     told[names.AGGREGATOR] = aggregator_options(team, folder)
-    told[names.MONITOR] = MonitorOptions(len(team.robots), tuple(robot.id for robot in team.robots))
+    told[names.MONITOR] = MonitorOptions(len(team.driven), tuple(robot.id for robot in team.driven))
     navigated = {
         robot.id: NavigatedRobot(table, folder, f"robot {robot.id}, navigation", robot.base)
         for robot in sorted(team.robots, key=lambda robot: robot.id)
@@ -193,7 +193,7 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
     # The module of a user's behaviour may lie beside the team file and what it includes.
     own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
     folders = (*dict.fromkeys([*own, *team.folders]), "")
-    for robot in team.robots:
+    for robot in team.driven:
         spec, params = behavior_of(robot)
         told[names.robot_name(robot.id)] = RobotOptions(
             robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders

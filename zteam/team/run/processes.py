@@ -155,7 +155,7 @@ class Processes:
             if not self.endpoint:
                 # Its last line may still be on its way.
                 router.join(1.0)
-                why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
+                why = f"the router did not start ({exit_text(router.exit_code)}): {' '.join(list(router.lines)[-1:])}"
                 raise BusError("stopped" if self._stop.requested else why)
         options = self._options_of(self._name)
         self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)

@@ -34,8 +34,6 @@ class RunReport(RunFigures, kw_only=True):
     processes: list[ProcessReport] = msgspec.field(default_factory=list)
     dropped: dict[str, int] = msgspec.field(default_factory=dict)
     """Refused payloads by key, over all processes."""
-    real_time_factor: float | None = msgspec.field(default=None, name="rtf")
-    """Simulated seconds a second of the host, from GO to the last tick."""
     rounds: dict[str, RoundTiming] = msgspec.field(default_factory=dict)
     """Where the participants' time of a tick went, by name (lock-step)."""
     safety_stops: dict[str, int] = msgspec.field(default_factory=dict)

@@ -11,7 +11,8 @@ from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop
-from zteam.team.file.reading import read_team_file
+from zteam.robot.behaviors.registry import look_in, read_anew
+from zteam.team.file.reading import read_team_file, set_map_resolution
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import Pace, TeamLaunch, with_faults
@@ -37,13 +38,15 @@ def run_team(
     bus: "BusOptions | None" = None,
     arguments: Mapping[str, Any] | None = None,
     chaos: str | Path | None = None,
+    map_resolution: float | None = None,
 ) -> RunReport:
     """Run a team file or shipped team in this process, in lock-step and as fast as possible; the report of the run.
 
-    The run ends `seconds` simulated seconds after GO, or before tick `until`. `seed` and `world` replace those of the
-    team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the first tick waits for them.
-    `arguments` are the team file's, by name. With `bus`, such as `BusOptions.from_environment()`, tools and other
-    processes find the team there while it runs. `chaos` is a plan of faults, which are in the report.
+    The run ends `seconds` simulated seconds after GO, or before tick `until`. `seed`, `world` and `map_resolution` (m a
+    cell) replace those of the team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the
+    first tick waits for them. `arguments` are the team file's, by name. With `bus`, such as
+    `BusOptions.from_environment()`, tools and other processes find the team there while it runs. `chaos` is a plan of
+    faults, which are in the report.
 
     Raises what ended a node of the team: an error of a behaviour or of an own node ends the run. Called in the main
     thread, it takes SIGINT and SIGTERM; Ctrl+C ends the run in order and raises KeyboardInterrupt.
@@ -52,7 +55,10 @@ def run_team(
     if seconds is None and until is None:
         raise UsageError("run_team: give seconds or until: without an end there is no report")
     file = read_team_file(find_team(team), argument_texts(arguments or {}))
-    chosen = check_team(file, find_world(world) if world is not None else None)
+    set_map_resolution(file, map_resolution)
+    read_anew()
+    look_in([*file.team.folders, ""])
+    chosen = check_team(file, find_world(world) if world is not None else None, here=True)
     if bus is None:
         refuse_nodes(file, "give run_team a bus, or use zteam up")
     if chosen is None:

@@ -142,20 +142,31 @@ class TeamRun:
             self.supervisor.wake()
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
-        """Start a robot's process, which the team does not need, as the team's own were started; its name."""
-        name, job = robot_job(self.launch, request.robot, request.behavior)
+        """Start a robot's process as the team's own were started, or end it; its name. The team does not need it."""
+        name, job = names.robot_name(request.robot), None
+        if request.behavior:
+            _, job = robot_job(self.launch, request.robot, request.behavior)
         with self._start_lock:
             if self.state in (RunState.STOPPING, RunState.ENDED):
                 raise BusError("the team is stopping")
             member = self.supervisor.members.get(name)
-            if (member is not None and member.running) or find_processes(tools, name):
-                raise BusError(f"{name} has a process already: end it first")
-            job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
-            log.info("%s is started on request, with behaviour %s", name, request.behavior)
-            if name not in self.plan.jobs:
+            if member is None and job is None:
+                raise BusError(f"zteam up has not started {name}")
+            if request.ends or name not in self.plan.jobs:
                 self.plan.optional |= {name}
                 self.plan.unawaited |= {name}
-            self.supervisor.start_job(name, job)
+            if request.ends:
+                log.info("%s is ended on request", name)
+                self.supervisor.stop([name])
+                return name
+            if (member is not None and member.running) or find_processes(tools, name):
+                raise BusError(f"{name} has a process already: end it first")
+            log.info("%s is started on request, %s", name, f"with behaviour {request.behavior}" if job else "as before")
+            if job is None:
+                self.supervisor.restart(name)
+            else:
+                job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
+                self.supervisor.start_job(name, job)
         return name
 
     def hurry(self) -> None:
@@ -171,7 +182,7 @@ class TeamRun:
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
-        ids = [robot.id for robot in self.launch.team.robots]
+        ids = [robot.id for robot in self.launch.team.driven]
         return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:

@@ -210,6 +210,7 @@ class NodeThread:
                 self._ended.set()
 
     def _body(self, node: ProcessNode) -> None:
+        node.in_team = True
         try:
             self._part.body(node)
         except BaseException as error:

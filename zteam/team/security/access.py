@@ -159,6 +159,9 @@ def rights_of(team: Team) -> dict[str, Rights]:
     found = {name: _part_of(name, navigated, simulated) for name in (*processes, *granted)}
     for node in team.nodes:
         program, verb = (*node.command, "")[:2]
+        # A program that drives what no process of the team does.
+        free = [names.robot_name(robot.id) for robot in team.robots if not robot.has_process]
+        found[node.name] |= _filled(Rights(_of_robot(names.CMD_VEL) if free else ()), node.name, free)
         if program == "zteam" and verb in _BY_COMMAND:
             found[node.name] |= _filled(_GRANTED[_BY_COMMAND[verb]])
     for name, words in granted.items():

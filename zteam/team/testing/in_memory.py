@@ -137,7 +137,7 @@ class RunningNode:
         self._publisher(key, type(message)).put(message)
 
     def tick(self) -> Twist | None:
-        """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process. Raises
+        """Let 0.1 s of simulated time pass. A `step` that is due has run when this returns its command, if any. Raises
         what `step` or a callback raised, and BusError where an input declared with `every_tick` is missing."""
         self._answers.clear()
         self._send_tick(self.node.name)

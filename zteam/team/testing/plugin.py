@@ -107,6 +107,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
         crash.message = str(value)
     if report.failed:
         for fixture in _teams(item):
+            if report.when == "call" and fixture.stillness:
+                report.sections.append(("time", fixture.stillness))
             report.sections.append(("processes of the team", fixture.report_log()))
     return report
 

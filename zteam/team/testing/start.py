@@ -40,6 +40,9 @@ def robot_tables(
     if not ids:
         raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
     for name, given in (("follow", follow), ("params", params)):
+        if not isinstance(given, Mapping):
+            example = "{1: 0}, where robot 1 follows robot 0" if name == "follow" else '{0: {"speed": 0.2}}'
+            raise UsageError(f"team.start: {name} is {given!r:.60}: give a dict by robot, as {example}")
         for i in given:
             if i not in ids:
                 raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")

@@ -25,7 +25,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
-from zteam.errors import UsageError
+from zteam.errors import UsageError, check_call
 from zteam.monitor.observer import RobotView
 from zteam.node.faults import STACKS
 from zteam.node.logs import KEEPER
@@ -52,6 +52,7 @@ from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch, close_in_t
 
 log = logging.getLogger("zteam")
 
+_CONDITION = "give a function that is asked again and again, as 'lambda: team.robot(0).speed > 0.1'"
 _SHORT_GRACE = 0.5 * HOST_FACTOR
 """Host seconds to close a team in this process where a node is known to hang."""
 _SITE = str(Path(__file__).parent / "site")
@@ -418,11 +419,19 @@ class TeamFixture:
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
+        check_call(condition, 0, f"team.wait_for({condition!r:.60}): {_CONDITION}")
         self._watch.wait_for(condition)
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
         return "\n".join(f"[{name}] {line}" for name, line in self._watch.log.copy())
+
+    @property
+    def stillness(self) -> str:
+        """For the report of a failed test: that the test has not let the world go on; empty if it has."""
+        if not self._watch.interval or self._watch.has_moved:
+            return ""
+        return "the world stood still: in lock-step it goes on with team.run(seconds), team.until and team.at alone"
 
     @property
     def report(self) -> SimReport:
@@ -462,13 +471,13 @@ class TeamFixture:
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
-        if not 0.0 <= seconds < math.inf:
-            raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
+        _check_number("run", seconds, "the seconds of simulated time that are to pass, 0 or more")
         self._need_team("run")
         self._watch.run(seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
+        _check_number("at", tick, "the tick at which the world is to stand")
         self._need_team("at")
         if not self._watch.interval:
             raise UsageError("at() needs lock-step: in real time no tick is waited for")
@@ -481,6 +490,8 @@ class TeamFixture:
         """Let the world go on until `condition()`, checked after every tick; fail after `within` simulated seconds. In
         real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute of
         the host fails too."""
+        check_call(condition, 0, f"team.until({condition!r:.60}, …): {_CONDITION}")
+        _check_number("until", within, "with `within` the simulated seconds that it may take, 0 or more")
         self._need_team("until")
         self._watch.until(condition, within)
 
@@ -526,6 +537,12 @@ class SharedTeam(TeamFixture):
             self._call, self._is_new = call, True
             begin, args, kwargs = call
             begin(*args, **kwargs)
+
+
+def _check_number(call: str, given: object, wanted: str) -> None:
+    """Raise UsageError for what is no number from 0."""
+    if not (isinstance(given, float | int) and 0.0 <= given < math.inf):
+        raise UsageError(f"team.{call}({given!r:.60}): give {wanted}")
 
 
 def search_folders() -> list[str]:

@@ -83,6 +83,8 @@ class Watch:
         self._gone_since: dict[str, float] = {}
         self.interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
+        self.has_moved = False
+        """Whether the test has let the world go on."""
         self.silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
         self.log = deque[tuple[str, str]](maxlen=_KEPT_LINES)
@@ -387,6 +389,7 @@ class Watch:
 
     def step(self, ticks: int) -> None:
         """Run so many ticks, and wait until the messages of the last one are in view."""
+        self.has_moved = True
         key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self.silence_limit)
         for done in range(0, ticks, _SLICE):
             self.check()

@@ -243,5 +243,6 @@ def _caller(caller: str) -> str:
 def run_aggregator(node: Node, options: AggregatorOptions, descriptions: Mapping[int, Description]) -> None:
     aggregator = Aggregator(node, options, descriptions)
     node.become_present()
-    log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")
+    if not node.in_team:
+        log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")
     node.drive(aggregator.beat)

@@ -75,7 +75,7 @@ def _corridor(draw: Draw, count: int) -> Place:
     side = 1 if draw(4) < 0.5 else -1
     # It goes off to one side and back to the first direction, so it never meets itself.
     points = _legs(lengths, [0, *(side if leg % 2 else -side for leg in range(1, legs))])
-    way = points if draw(5) < 0.5 else [Polyline(points).at(0.4 + GAP * count)[:2], points[0]]
+    way = points if draw(5) < 0.5 else _back(points, 0.4 + GAP * count)
     return Place(_along(points, width), way)
 
 
@@ -123,9 +123,9 @@ def _maze(draw: Draw, count: int) -> Place:
     path = [queue[-1]]
     while path[-1] != begin:
         path.append(before[path[-1]])
-    way = [(i * pitch, j * pitch) for i, j in path]
-    # In the last third its dead end is the way's own.
-    way = way[::-1] if draw(5) < 2.0 / 3.0 else _until(way[::-1], GAP * count)[::-1]
+    way = [(i * pitch, j * pitch) for i, j in reversed(path)]
+    if draw(5) >= 2.0 / 3.0:
+        way = _back(way, GAP * count)
     halls = [
         hall
         for cell in cells
@@ -144,15 +144,15 @@ def _beside(cell: tuple[int, int]) -> list[tuple[int, int]]:
     return [(i + 1, j), (i, j + 1), (i - 1, j), (i, j - 1)]
 
 
-def _until(points: Sequence[Point], length: float) -> list[Point]:
-    """The first metres of a way, up to its end at most."""
+def _back(points: Sequence[Point], length: float) -> list[Point]:
+    """The first so many metres of a way, the other way round: the head looks to where it begins."""
     kept, along = [points[0]], 0.0
     for a, b in pairwise(points):
         along += math.dist(a, b)
         if along >= length:
             break
         kept.append(b)
-    return [*kept, Polyline(points).at(length)[:2]]
+    return [Polyline(points).at(length)[:2], *reversed(kept)]
 
 
 def _rooms(draw: Draw, count: int) -> Place:
@@ -184,7 +184,7 @@ def _rooms(draw: Draw, count: int) -> Place:
     for row in range(math.ceil(count / in_row)):
         y, ends = 0.45 + gap * row, (0.45, 0.45 + gap * (in_row - 1))
         way += [(x, y) for x in (ends if row % 2 == 0 else ends[::-1])]
-    return Place(halls, way if draw(7) < 0.5 else _until(way, gap * (count - 1) + 0.01)[::-1], gap)
+    return Place(halls, way if draw(7) < 0.5 else _back(way, gap * (count - 1) + 0.01), gap)
 
 
 KINDS: dict[str, Callable[[Draw, int], Place]] = {

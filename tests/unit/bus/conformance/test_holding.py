@@ -49,5 +49,5 @@ def test_a_held_publisher_refuses_a_key_at_once(sessions: Sessions) -> None:
     """A key that is no key expression is an error of the caller, and not of the release."""
     held = sessions()
     held.hold()
-    with pytest.raises(BusError, match="publish on a//b"):
+    with pytest.raises(BusError, match="write 'a/b'"):
         held.publisher("a//b", Done)

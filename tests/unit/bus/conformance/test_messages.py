@@ -54,7 +54,7 @@ def test_wildcards_match_as_zenoh_says(sessions: Sessions, key_expr: str, matchi
     """`*` is one part of a key, `**` any number of parts, `$*` any part of a name; a bare `b*` is refused."""
     sender, listener = sessions(), sessions()
     if not matching:
-        with pytest.raises(BusError, match=r"cannot subscribe to a/b\*/c: Invalid Key Expr"):
+        with pytest.raises(BusError, match=r"a/b\*/c' is not a key expression"):
             listener.subscribe(key_expr, Done, Inbox())
         return
     inbox, end = ticks(listener, key_expr), ticks(listener, "end")

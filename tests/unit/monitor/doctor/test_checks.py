@@ -112,14 +112,29 @@ def boots(robot_id: int, text: str, leader: int = -1) -> RobotStatus:
     return robot_status(robot_id, RobotState.BOOT, text=text, leader=leader)
 
 
+def of_robot(robot_id: int, parents: dict[str, str]) -> dict[str, str]:
+    """The parents of its frames, `map` apart with their full names."""
+    return {
+        f"robot_{robot_id}/{child}": parent if parent == "map" else f"robot_{robot_id}/{parent}"
+        for child, parent in parents.items()
+    }
+
+
+IN_MAP = of_robot(0, {"odom": "map", "base_footprint": "odom"})
+
 FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     "a team that works": (team_facts(),),
     "no process": (
-        Facts(writers={"clock": ["sim"]}),
+        Facts(writers={"clock": ["sim"]}, unpublished={"robot_0/scan": ": did you mean robot_0/base_scan?"}),
         "problem simulator: no process sim -> zteam-sim WORLD (or real robots that publish the same keys)",
         "problem transforms: no process tf -> zteam-tf",
         "problem monitor: no process monitor -> zteam-monitor --team-size 1",
         "problem robots: none -> zteam-robot --id 0",
+        "note data: a node of your own subscribes to robot_0/scan, which … did you mean robot_0/base_scan? -> …",
+    ),
+    "robots that one program drives": (
+        team_facts(nodes=nodes("monitor", "sim", "swarm", "tf"), statuses={}),
+        "note robots: none: other programs drive all robots of the world -> zteam-robot --id 0",
     ),
     "robots by number, and a team of their size": (
         Facts(nodes=nodes("robot_10", "robot_2"), writers={"robot_2/base_scan": ["x"], "robot_10/base_scan": ["x"]}),
@@ -355,11 +370,63 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     ),
     "no odom in map": (
         with_second(robot_status(1, speed=0.3), frames={"robot_0/base_footprint": "robot_0/odom"}),
-        "problem transforms: robot_0 … map -> robot_0/odom -> it … robot_0/tf_static or robot_0/tf: see …_static'",
+        "problem transforms: robot_0 … map -> robot_0/odom -> it … robot_0/tf_static or robot_0/tf, or … …_static'",
     ),
     "no base in odom": (
         with_second(robot_status(1, speed=0.3), frames={"robot_0/odom": "map"}),
         "problem transforms: robot_0 … robot_0/odom -> robot_0/base_footprint -> it is due on robot_0/tf: …/tf'",
+    ),
+    "a base whose frames have another prefix": (
+        with_second(boots(1, "waiting"), frames={**IN_MAP, **of_robot(1, {"odom": "map", "t/base_link": "t/odom"})}),
+        "problem transforms: robot_1 … but there is robot_1/t/odom -> robot_1/t/base_link -> have the base name them …",
+        "problem robots: robot_1 is not ready (boot): waiting -> have the base name them odom and …",
+    ),
+    "a base without a base_footprint": (
+        with_second(
+            robot_status(1), frames={**IN_MAP, **of_robot(1, {"odom": "map", "base_link": "odom", "x": "base_link"})},
+            lasers={"robot_1/base_scan": LaserProblem("its laser's frame", "publish it")},
+        ),
+        "problem transforms: … robot_1/odom -> robot_1/base_link -> … 'robot_1/base_link', child = 'robot_1/base_foot…",
+    ),
+    "frames that hang on nothing": (
+        team_facts(
+            frames={
+                **IN_MAP, **of_robot(1, {"odom": "map", "base_footprint": "odom"}),
+                "window": "hall", "door": "hall", "robot_1/camera": "robot_1/base_footprnt",
+                "robot_2/base_link": "robot_2/base_footprint",
+            },
+        ),
+        "problem transforms: door hangs on hall, which … -> publish … (… joint), or give door another parent",
+        "problem transforms: robot_1/camera hangs on … another parent (did you mean robot_1/base_footprint?)",
+    ),
+    "transforms that go past the aggregator": (
+        team_facts(writers={**WRITERS, "tf": ["tf", "a client"], "tf_static": ["tf"], "robot_0/tf": ["base_0"]}),
+        "problem transforms: a client publishes on tf or tf_static: … -> … the namespace /robot_N, or rename its …",
+    ),
+    "an aggregator with several names": (
+        team_facts(
+            nodes=[*nodes("monitor", "robot_0", "robot_1", "sim"), ProcessInfo("sim", "h", 1, 1, "one"),
+                   ProcessInfo("tf", "h", 1, 1, "one")],
+            writers={**WRITERS, "tf": ["sim"]},
+        ),
+    ),
+    "stamps that are not of now": (
+        with_second(
+            boots(1, "waiting"), sim=None, nodes=nodes("monitor", "robot_0", "robot_1", "tf"), map=None,
+            frames=IN_MAP, leads={"robot_0/odom": 0.7, "robot_1/odom": 3600.2, "robot_1/base_scan": -1.79e9},
+        ),
+        "note simulator: no process sim: …",
+        "problem stamps: robot_1/base_scan is stamped 1790000000.0 s behind this host -> have the base stamp …",
+        "problem robots: robot_1 is not ready (boot): waiting -> have the base stamp …",
+    ),
+    "a base that has no scans": (
+        with_second(
+            boots(1, "waiting"), sim=None, nodes=nodes("monitor", "robot_0", "robot_1", "tf"), map=None,
+            writers={"robot_0/base_scan": ["x"], "robot_1/odom": ["y"]},
+        ),
+        "note simulator: no process sim: …",
+        "problem robots: robot_1 is not ready (boot): … -> 'zteam topic info robot_1/base_scan' names …",
+        "problem data: robot_1 gets no scan -> has robot 1 a laser, and on robot_1/base_scan? see 'zteam topic list'",
     ),
     "all in map": (
         team_facts(
@@ -385,15 +452,16 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     ),
     "a robot without scans": (
         team_facts(writers={"robot_0/base_scan": ["sim"], "robot_1/cmd_vel": ["robot_1"]}),
-        "problem data: robot_1 gets no scan -> has robot 1 of the world a laser? see 'zteam topic list'",
+        "problem data: robot_1 gets no scan -> has robot 1 a laser, and on robot_1/base_scan? see 'zteam topic list'",
     ),
     "two writers": (
         team_facts(
             writers={
                 **WRITERS, "map": BOTH,
-                **{f"robot_0/{key}": BOTH for key in ("cmd_vel_teleop", "odom", "goal_pose", "tf")},
+                **{f"robot_0/{key}": BOTH for key in ("base_info", "cmd_vel_teleop", "odom", "goal_pose", "tf")},
             },
         ),
+        "problem sensors: robot_0/base_info has 2 writers: … -> end all but one: their data take turns",
         "problem commands: robot_0/cmd_vel_teleop has 2 writers: … -> end all but one: their commands take turns",
         "problem sensors: robot_0/odom has 2 writers: robot_0, session 1f -> end all but one: their data take turns",
     ),

@@ -8,7 +8,15 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import find_hit
-from zteam.navigation.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, place
+from zteam.navigation.planning.costmap import (
+    LETHAL_OBSTACLE,
+    Costmap,
+    CostmapOptions,
+    make_circle,
+    make_costmap,
+    make_footprint,
+    place,
+)
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import make_controller, make_planner
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError
@@ -127,6 +135,15 @@ def test_at_the_end_it_goes_on_to_turn(stateful: bool) -> None:
     assert pursuit.command(costmap, corrected, Velocity(), 0.1).x > 0.0
 
 
+@pytest.mark.parametrize(("search", "left"), [(-1.0, 1.0), (0.0, 1.0), (0.5, 3.5)])
+def test_its_place_is_looked_for_on_the_whole_path_or_a_part(search: float, left: float) -> None:
+    """A `max_robot_pose_search_dist` of 0 or less is the whole path, as in Nav2."""
+    pursuit = RegulatedPurePursuit(PursuitOptions(max_robot_pose_search_dist=search))
+    pursuit.set_path(np.array([[0.5 + 0.5 * i, 2.5, 0.0] for i in range(9)]))
+    pursuit.command(room(), Pose2(3.5, 2.5, 0.0), Velocity(), 0.1)
+    assert pursuit.remaining() == left
+
+
 def test_where_nothing_is_free_it_says_so() -> None:
     """A robot walled in gets no command."""
     cells = np.full((40, 40), 100, np.int8)
@@ -174,22 +191,39 @@ def test_recovery_goes_through_its_behaviours_and_gives_up() -> None:
 
 
 def test_a_recovery_stops_before_an_obstacle() -> None:
-    """Something behind: it does not back up."""
-    costmap = room((slice(0, 100), slice(0, 20)))
-    recovery = Recovery(RecoveryOptions(behaviors=("back_up",)))
-    recovery.begin(0.0, Pose2(1.23, 2.5, 0.0), "blocked")
-    assert recovery.step(0.0, Pose2(1.23, 2.5, 0.0), costmap) is None
+    """Something behind, on whichever of the costmaps: it does not back up."""
+    walled, pose = room((slice(0, 100), slice(0, 20))), Pose2(1.23, 2.5, 0.0)
+    for costmaps in ([walled], [room(), walled]):
+        recovery = Recovery(RecoveryOptions(behaviors=("back_up",)))
+        recovery.begin(0.0, pose, "blocked")
+        assert recovery.step(0.0, pose, *costmaps) is None
 
 
 def test_options_that_cannot_work_are_refused() -> None:
     """A behaviour that does not exist, and a speed of 0, also where a program makes the options itself."""
     with pytest.raises(ValueError, match=r"behaviors\[1\]"):
         RecoveryOptions(behaviors=("wait", "dance"))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="desired_linear_vel: a number above 0"):
+    with pytest.raises(ValueError, match="desired_linear_vel: a number of at least"):
         PursuitOptions(desired_linear_vel=0.0)
 
 
-def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> None:
+def test_a_recovery_turns_no_faster_than_nav2_lets_it() -> None:
+    """`max_rotational_vel` bounds `rotational_vel`."""
+    recovery = Recovery(RecoveryOptions(behaviors=("spin",), max_rotational_vel=0.4))
+    recovery.begin(0.0, Pose2(2.5, 2.5, 0.0), "blocked")
+    assert recovery.step(0.0, Pose2(2.5, 2.5, 0.0), room()) == Velocity(turn=0.4)
+
+
+@pytest.mark.parametrize("threshold", [253, 100, 90, 1])
+def test_a_wall_of_the_map_is_an_obstacle_whatever_the_threshold(threshold: int) -> None:
+    """As Nav2 does, more than 100 is 100."""
+    cells = np.zeros((9, 9), np.int8)
+    cells[4, 4] = 100
+    options = CostmapOptions(lethal_cost_threshold=threshold)
+    assert make_costmap(make_map(cells, 0.1), make_circle(0.2), options).costs[4, 4] == LETHAL_OBSTACLE
+
+
+def test_a_recovery_tries_other_ways_where_the_robot_does_not_move() -> None:
     """Each for a second: it turns the other way round, and backs up on arcs; then the behaviour is over."""
     costmap, pose = room(), Pose2(2.5, 2.5, 0.0)
     for behavior, ways in (("spin", 2), ("back_up", 5)):
@@ -197,7 +231,7 @@ def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> N
         recovery.begin(0.0, pose, "blocked")
         tried: list[Velocity] = []
         for tick in range(100):
-            velocity = recovery.step(0.1 * tick, pose, costmap, is_stopped=True)
+            velocity = recovery.step(0.1 * tick, pose, costmap)
             if velocity is None:
                 break
             tried.append(velocity)

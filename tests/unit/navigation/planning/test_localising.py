@@ -8,7 +8,7 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.navigation import find_cluster
-from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, kld_limits, move_differential
+from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, choose_beams, kld_limits, move_differential
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import read_options
 from zteam.navigation.planning.scans import Scan, Teammate
@@ -88,6 +88,31 @@ def test_no_particle_is_put_far_off_where_the_scan_fits(aside: float, goes: bool
     assert bool(apart.min() < 0.05) is goes
 
 
+def test_a_robot_that_was_carried_away_notices_it() -> None:
+    """Its scans fit the map much worse than they did; where it is put back, they fit again, though it stands."""
+    grid, odom = make_hall(), Pose2(0.0, 0.0, 0.0)
+    localiser = Amcl(grid, seed=3)
+    localiser.set_pose(Pose2(0.5, -1.2, 0.0), (0.1, 0.1, 0.1))
+
+    def drive(truth: Pose2, steps: int) -> tuple[list[bool], Pose2]:
+        nonlocal odom
+        seen = []
+        for _ in range(steps):
+            truth, odom = (pose.compose(Pose2(0.25, 0.0, 0.0)) for pose in (truth, odom))
+            localiser.update(odom, look(grid, truth))
+            seen.append(localiser.is_elsewhere)
+        return seen, truth
+
+    first, there = drive(Pose2(0.5, -1.2, 0.0), 10)
+    assert not any(first)
+    assert drive(Pose2(5.8, 3.0, -1.6), 10)[0][-1]
+    there = localiser.map_from_odom.compose(odom)
+    assert localiser.is_elsewhere
+    for _ in range(9):
+        localiser.update(odom, look(grid, there))
+    assert not localiser.is_elsewhere
+
+
 @pytest.mark.ci
 def test_it_finds_a_robot_on_the_whole_map() -> None:
     """From nothing, while the robot moves a little."""
@@ -125,6 +150,16 @@ def test_beams_on_a_teammate_say_nothing(deviation: float, mate: Teammate, is_le
         localiser.update(Pose2(0.0, 0.0, 0.0), scan, mates)
         found.append(localiser.particles.tobytes())
     assert (found[0] == found[1]) is is_left_out
+
+
+@pytest.mark.parametrize(("far", "used"), [(100.0, 60), (0.0, 60), (-1.0, 60), (0.5, 0)])
+def test_a_largest_range_of_0_or_less_is_the_scans_own(far: float, used: int) -> None:
+    """As in amcl: all beams count that met something, also of a laser without a range_max."""
+    scan = look(make_hall(), Pose2(3.0, 2.0, 0.0))._replace(range_max=math.inf)
+    options = AmclOptions(laser_max_range=far)
+    assert len(choose_beams(scan, (), options, None)) == used
+    nothing = scan._replace(ranges=np.full_like(scan.ranges, np.inf))
+    assert len(choose_beams(nothing, (), options, None)) == 0
 
 
 def test_without_errors_particles_move_as_odometry_does() -> None:

@@ -1,11 +1,15 @@
 """Parameters of navigation: Nav2's files and names, tables of team files, what is refused and what is listed."""
 
+import math
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from support.installed_packages import install
+from zteam.config.problems import problems_of
 from zteam.errors import UsageError
+from zteam.messages.base import Base
 from zteam.navigation.planning.parameters import FirstPose, Parameters, navigation_of_robot
 
 NAV2 = """
@@ -104,13 +108,16 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "nav2_params.yaml: controller_server.FollowPath.use_rotate_to_heading: true or false is expected, not 3",
         ),
         ("navigation: {ros__parameters: {localizer: gps}}", "nav2_params.yaml: localizer: 'gps' is none of amcl, fake"),
-        ("controller_server: {ros__parameters: {controller_frequency: 0.0}}", "controller_frequency: a number above 0"),
+        (
+            "controller_server: {ros__parameters: {controller_frequency: 0.0}}",
+            "controller_frequency: a number of at least",
+        ),
         ("amcl: {ros__parameters: {min_particles: 9000}}", "min_particles 9000 is above max_particles 2000"),
         ("behavior_server: {ros__parameters: {behaviors: [dance]}}", "behavior_server.behaviors: "),
-        ("amcl: {ros__parameters: {alpha1: .nan}}", "amcl.alpha1: a finite number is expected"),
+        ("amcl: {ros__parameters: {alpha1: .nan}}", "amcl.alpha1: a number of at least 0 is expected, not NaN"),
         (
             'local_costmap: {local_costmap: {ros__parameters: {footprint: "round"}}}',
-            "local_costmap: footprint 'round': give corners in metres",
+            "local_costmap.footprint: 'round': give corners in metres",
         ),
         (
             "controller_server: {ros__parameters: {FollowPath: {plugin: dwb}}}",
@@ -119,6 +126,46 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
         (
             "planner_server: {ros__parameters: {planner_plugins: [Far], Far: {plugin: a::B, tolerance: 1.0}}}",
             "nav2_params.yaml: planner_server.Far.plugin: there is no planner 'a::B': there are astar, and",
+        ),
+        ("amcl: {ros__parameters: {max_particles: 2000000000}}", "amcl.max_particles: a whole number of at most"),
+        ("amcl: {ros__parameters: {max_particles: 900000, max_beams: 900}}", "amcl: max_beams × the larger of"),
+        (
+            "local_costmap: {local_costmap: {ros__parameters: {width: 900, height: 900}}}",
+            "local_costmap: width × height / resolution² is 3.24e+08: at most 4e+06",
+        ),
+        (
+            "local_costmap: {local_costmap: {ros__parameters: {inflation_layer: {inflation_radius: 50}}}}",
+            "local_costmap: inflation_radius / resolution is 1e+03: at most 180",
+        ),
+        (
+            "local_costmap: {local_costmap: {ros__parameters: {footprint_padding: 900, resolution: 4e-2}}}",
+            "local_costmap: outline / resolution is",
+        ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {max_allowed_time_to_collision_up_to_carrot: 1e6}}}",
+            "controller_server: speed × max_allowed_time_to_collision_up_to_carrot / resolution is",
+        ),
+        ("behavior_server: {ros__parameters: {simulate_ahead_time: 1e6}}", "behavior_server: speed × simulate_ahead"),
+        (
+            "controller_server: {ros__parameters: {controller_plugins: A}}",
+            'controller_plugins: a list is expected, not "A"',
+        ),
+        (
+            "planner_server: {ros__parameters: {planner_plugins: [1]}}",
+            "planner_server.planner_plugins: a text is expected",
+        ),
+        ("velocity_smoother: {ros__parameters: {max_velocity: '[1, 0, 1]'}}", "max_velocity: a list is expected"),
+        (
+            "velocity_smoother: {ros__parameters: {max_velocity: [1, 0]}}",
+            "max_velocity: a list of 3 values is expected",
+        ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: 'dwb_core::DWBLocalPlanner', max_vel_x: 0.0}}}",
+            "controller_server.FollowPath.max_vel_x: a number of at least 0.001",
+        ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: 'nav2_navfn_planner::NavfnPlanner'}}}",
+            "there is no controller 'nav2_navfn_planner::NavfnPlanner'",
         ),
         ("[1, 2]", "has no parameters"),
         ("a: [", "nav2_params.yaml: not YAML: "),
@@ -131,6 +178,149 @@ def test_a_wrong_value_is_refused_with_file_and_key(tmp_path: Path, text: str, t
         read(tmp_path, text)
     assert told in str(error.value)
     assert "\n" not in str(error.value)
+
+
+NUMBERS = [
+    (type(options), name)
+    for options in Parameters._field_defaults.values()
+    if isinstance(options, msgspec.Struct)
+    for name in options.__struct_encode_fields__
+    if not all(problems_of({name: number}, type(options)) for number in (1, 0.5))
+    and problems_of({name: True}, type(options))
+]
+
+
+def test_every_number_has_bounds() -> None:
+    """Of every option of navigation: neither a huge one on either side, nor NaN, is taken."""
+    assert len(NUMBERS) > 70
+    for kind, name in NUMBERS:
+        for number in (1e300, -1e300, 10**30, -(10**30), math.inf, math.nan):
+            assert problems_of({name: number}, kind), (kind, name, number)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "given", "speed", "turn"),
+    [
+        (
+            "dwb_core::DWBLocalPlanner",
+            "max_vel_x: 0.26, max_speed_xy: 0.3, max_vel_theta: 1.0, acc_lim_x: 2.5",
+            0.26,
+            1.0,
+        ),
+        ("dwb_core/DWBLocalPlanner", "max_vel_x: 0.9, max_speed_xy: 0.8, critics: [GoalDist]", 0.8, 1.8),
+        ("nav2_mppi_controller::MPPIController", "vx_max: 0.4, vx_min: -0.35, wz_max: 1.5, time_steps: 56", 0.4, 1.5),
+        ("nav2_graceful_controller::GracefulController", "v_linear_max: 0.3, v_angular_max: 5.0", 0.3, 1.8),
+        (
+            "nav2_regulated_pure_pursuit_controller/RegulatedPurePursuitController",
+            "desired_linear_vel: 0.2, rotate_to_heading_angular_vel: 0.7",
+            0.2,
+            0.7,
+        ),
+        ("nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController", "max_linear_vel: 0.6", 0.6, 1.8),
+        (
+            "nav2_rotation_shim_controller::RotationShimController",
+            "primary_controller: 'dwb_core::DWBLocalPlanner', rotate_to_heading_angular_vel: 0.9, max_vel_x: 0.22",
+            0.22,
+            0.9,
+        ),
+        (
+            "nav2_rotation_shim_controller::RotationShimController",
+            "primary_controller: {plugin: 'nav2_mppi_controller::MPPIController', vx_max: 0.3, wz_max: 1.1}",
+            0.3,
+            1.1,
+        ),
+        (
+            "nav2_rotation_shim_controller::RotationShimController",
+            "rotate_to_heading_angular_vel: 0.5, primary_controller: {vx_max: 0.4, rotate_to_heading_angular_vel: 2}",
+            0.4,
+            0.5,
+        ),
+    ],
+)
+def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
+    tmp_path: Path, plugin: str, given: str, speed: float, turn: float
+) -> None:
+    """One note says so; the robot drives as fast as the file lets it, on a base that could go faster."""
+    text = f"controller_server: {{ros__parameters: {{FollowPath: {{plugin: '{plugin}', {given}}}}}}}"
+    found = read(tmp_path, text)
+    assert len(found.notes) == 1
+    assert plugin in found.notes[0]
+    fast = Base(max_vel_x=5.0, max_vel_theta=9.0)
+    options = found.make_controller(fast).options  # type: ignore[attr-defined]
+    assert (options.desired_linear_vel, options.rotate_to_heading_angular_vel) == (speed, turn)
+    slower = f"{text}\nvelocity_smoother: {{ros__parameters: {{max_velocity: [0.1, 0.0, 0.3]}}}}"
+    options = read(tmp_path, slower).make_controller(fast).options  # type: ignore[attr-defined]
+    assert (options.desired_linear_vel, options.rotate_to_heading_angular_vel) == (0.1, 0.3)
+
+
+@pytest.mark.parametrize(
+    "plugin",
+    ["nav2_navfn_planner/NavfnPlanner", "nav2_smac_planner::SmacPlannerHybrid", "smac_planner/SmacPlanner",
+     "nav2_theta_star_planner::ThetaStarPlanner", " nav2_navfn_planner:Navfn", "nav2_navfn_planner.NavfnPlanner"],
+)  # fmt: skip
+def test_a_planner_of_nav2_is_replaced(tmp_path: Path, plugin: str) -> None:
+    """With a note; what has the same name holds."""
+    text = f"planner_server: {{ros__parameters: {{GridBased: {{plugin: '{plugin}', tolerance: 5e-2}}}}}}"
+    found = read(tmp_path, text)
+    assert (found.planner_plugin.name, found.planner.tolerance, len(found.notes)) == ("astar", 0.05, 1)
+
+
+def test_the_table_is_laid_over_the_file_before_both_are_checked(tmp_path: Path) -> None:
+    """What the table replaces may be wrong in the file; what is wrong then is told of the one that has the key."""
+    text = """
+amcl: {ros__parameters: {alpha1: -1, max_particles: 600}}
+controller_server: {ros__parameters: {FollowPath: {plugin: "teb_local_planner::TebLocalPlannerROS"}}}
+"""
+    own = {"amcl": {"alpha1": 0.1}, "controller_server": {"FollowPath": {"plugin": "regulated_pure_pursuit"}}}
+    assert read(tmp_path, text, **own).amcl.alpha1 == 0.1
+    with pytest.raises(UsageError) as error:
+        read(tmp_path, text, amcl={"alpha2": -1, "alpha1": 0.1})
+    assert [line.rpartition(": a ")[0] or line.partition(": there")[0] for line in str(error.value).splitlines()] == [
+        "navigation: amcl.alpha2",
+        "nav2_params.yaml: controller_server.FollowPath.plugin",
+    ]
+    with pytest.raises(UsageError, match=r"^navigation: amcl: min_particles 700 is above"):
+        read(tmp_path, "amcl: {ros__parameters: {max_particles: 600}}", amcl={"min_particles": 700})
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["/**", "/robot_1/**", "robot_1/**", "/robot_1/*/local_costmap", "'**/local_costmap'", "robot_1: {'**'",
+     "/robot_1/local_costmap/local_costmap", "robot_1/local_costmap/local_costmap", "local_costmap/local_costmap",
+     "local_costmap"],
+)  # fmt: skip
+def test_keys_name_nodes_in_namespaces(tmp_path: Path, key: str) -> None:
+    """With wildcards for one part or any; those of another robot do not count."""
+    end = "}" if "{" in key else ""
+    text = f"{key}: {{ros__parameters: {{width: 7}}}}{end}\n/robot_2/**: {{ros__parameters: {{width: 9}}}}"
+    assert read(tmp_path, text).local_window.width == 7
+    # Of names that fit, one without wildcards counts, and else the longer one.
+    other = 7 if "local_costmap" in key and "robot_1" not in key else 9
+    assert read(tmp_path, text, robot_id=2).local_window.width == other
+
+
+def test_a_file_of_which_nothing_applies_is_told(tmp_path: Path) -> None:
+    """Its nodes are another robot's: a note names them, for other robots of the team may need them."""
+    text = "robot_7: {amcl: {ros__parameters: {alpha1: 0.3}}}"
+    assert [("robot_7/amcl" in note, "robot_1" in note) for note in read(tmp_path, text).notes] == [(True, True)]
+    assert read(tmp_path, text, robot_id=7).notes == ()
+
+
+def test_older_names_of_nav2_are_known(tmp_path: Path) -> None:
+    """A checker's name in the place of a list, motion models by their short names, and the server of recoveries."""
+    found = read(
+        tmp_path,
+        """
+amcl: {ros__parameters: {robot_model_type: omnidirectional}}
+controller_server:
+  ros__parameters:
+    goal_checker_plugin: near
+    near: {xy_goal_tolerance: 0.1}
+recoveries_server: {ros__parameters: {max_rotational_vel: 0.4}}
+""",
+    )
+    assert found.recovery.max_rotational_vel == 0.4
+    assert (found.goal.xy_goal_tolerance, found.amcl.robot_model_type) == (0.1, "omnidirectional")
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

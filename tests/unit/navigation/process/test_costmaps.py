@@ -73,15 +73,20 @@ def test_costmaps_are_updated_at_their_frequencies() -> None:
 
 
 def test_the_outline_is_that_of_the_parameters_or_of_the_base() -> None:
-    """A text of corners as in Nav2, a radius, or nothing."""
+    """A text of corners, in all spellings of numbers that Nav2 reads, a padded radius, or nothing."""
     triangle = WindowOptions(footprint="[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]", footprint_padding=0.0).outline(
         DEFAULT_BASE
     )
     assert triangle.corners.tolist() == [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]
-    assert WindowOptions(robot_radius=0.5).outline(DEFAULT_BASE).inscribed_radius == 0.5
+    for text in ("", "[]", "[ ]"):
+        assert WindowOptions(robot_radius=0.5, footprint=text).outline(DEFAULT_BASE).inscribed_radius == 0.53
+    loose = "[[.21, 1.], [+0.2, -5e-2], [-2E-1,-.3]]"
+    assert WindowOptions(footprint=loose, footprint_padding=0.0).outline(DEFAULT_BASE).corners.tolist() == [
+        [0.21, 1.0], [0.2, -0.05], [-0.2, -0.3],
+    ]  # fmt: skip
     assert WindowOptions(footprint_padding=0.0).outline(DEFAULT_BASE).corners.tolist() == [
         list(corner) for corner in DEFAULT_BASE.footprint
     ]
-    for text in ("[[0, 0]]", "round"):
+    for text in ("[[0, 0]]", "round", "[[0, 0], [1, 1], [2, 2]]", "[[1e400, 0], [1, 1], [0, 1]]", "[{}]", "[" * 5000):
         with pytest.raises(ValueError, match="corners"):
             WindowOptions(footprint=text).outline(DEFAULT_BASE)

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from support.goals import make_goal
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState
+from zteam.messages.base import Base
 from zteam.navigation.planning.controller import BlockedError
-from zteam.navigation.planning.parameters import Parameters
+from zteam.navigation.planning.parameters import ControllerOptions, Parameters, PlannerServerOptions
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.planning.recovery import RecoveryOptions
 from zteam.navigation.process.costmaps import Situation
-from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator
+from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator, slow_down
 
 AHEAD = Velocity(0.5)
 
@@ -94,9 +95,11 @@ class Drive:
         return velocity
 
 
-def test_it_plans_drives_and_arrives() -> None:
-    """A plan a second; within the tolerance the goal is reached, and the robot stands."""
-    drive = Drive()
+@pytest.mark.parametrize("frequency", [1.0, 0.0])
+def test_it_plans_drives_and_arrives(frequency: float) -> None:
+    """A plan a second, also where a file of Nav2 expects none; within the tolerance the goal is reached, and the robot
+    stands."""
+    drive = Drive(planner_server=PlannerServerOptions(expected_planner_frequency=frequency))
     assert drive.step(0.0) == AHEAD
     for tick in range(1, 31):
         assert drive.step(0.05 * tick) == AHEAD
@@ -145,6 +148,34 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
     assert drive.planner.plans == plans + 1
     drive.step(count=4)
     assert (drive.navigator.state, drive.navigator.text) == (NavigationState.RECOVERING, "a box is in the way")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "before", "kept"),
+    [
+        (Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5), Velocity(0.4, 0.0, 0.5)),
+        (Velocity(1.0, 0.0, 0.5), Velocity(0.5, 0.0, 0.5), Velocity(0.5, 0.0, 0.25)),
+        (Velocity(0.5, 0.0, 2.0), Velocity(0.5, 0.0, 1.0), Velocity(0.25, 0.0, 1.0)),
+        (Velocity(-2.0), Velocity(-0.5), Velocity(-0.3)),
+        (Velocity(0.5), Velocity(), Velocity(0.2)),
+        (Velocity(0.5), Velocity(-0.5), Velocity(0.2)),
+        (Velocity(0.0), Velocity(0.5), Velocity(0.0)),
+        (Velocity(turn=-1.0), Velocity(turn=-0.2), Velocity(turn=-0.6)),
+    ],
+)
+def test_velocities_keep_within_limits_on_their_arc(wanted: Velocity, before: Velocity, kept: Velocity) -> None:
+    """Speeds and speeding up have limits in both directions, braking has none."""
+    limits = Base(max_vel_x=0.5, min_vel_x=-0.3, max_vel_theta=1.0, acc_lim_x=2.0, acc_lim_theta=4.0)
+    assert slow_down(wanted, before, limits, 0.1) == pytest.approx(kept)
+
+
+def test_a_failure_tolerance_below_0_has_no_end() -> None:
+    """As in Nav2: the controller may find no command for as long as it takes."""
+    drive = Drive(controller=ControllerOptions(failure_tolerance=-1.0))
+    drive.step(count=2)
+    drive.controller.blocked = True
+    drive.step(count=60)
+    assert drive.navigator.state is NavigationState.DRIVING
 
 
 def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:

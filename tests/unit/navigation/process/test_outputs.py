@@ -3,12 +3,18 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+import pytest
+
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import TFMessage, ns_from_time
-from zteam.navigation.planning.parameters import Parameters
+from zteam.messages import OccupancyGrid, TFMessage, ns_from_time
+from zteam.messages.base import DEFAULT_BASE
+from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.parameters import Parameters, WindowOptions
+from zteam.navigation.process.costmaps import Costmaps
 from zteam.navigation.process.outputs import Outputs
 from zteam.node.node import Node
 from zteam.node.shutdown import Stop
@@ -31,3 +37,19 @@ def test_each_frame_of_a_localiser_has_a_later_stamp() -> None:
     outputs.forget()
     outputs.localise(to_ns(0.1), to_ns(0.1), localiser)
     assert stamps[-1] == to_ns(0.2)
+
+
+@pytest.mark.parametrize(("frequency", "count"), [(1.0, 5), (0.0, 1)])
+def test_a_costmap_is_sent_at_its_frequency_and_once_at_0(frequency: float, count: int) -> None:
+    """As Nav2's files have it, 0 is no frequency: a subscriber gets one."""
+    hub, sizes = MemoryHub(), list[int]()
+    hub.bus().subscribe(
+        names.robot_key(0, names.LOCAL_COSTMAP), OccupancyGrid, lambda _key, message: sizes.append(message.info.width)
+    )
+    parameters = Parameters(local_window=WindowOptions(publish_frequency=frequency))
+    outputs = Outputs(Node("nav_0", hub.bus(), Stop()), 0, parameters)
+    costmaps = Costmaps(parameters, DEFAULT_BASE, make_map(np.zeros((9, 9), np.int8), 0.1))
+    navigator: Any = SimpleNamespace(path=None)
+    for tick in range(50):
+        outputs.show(to_ns(0.1 * tick), navigator, Pose2(0.0, 0.0, 0.0), costmaps)
+    assert sizes == [60] * count

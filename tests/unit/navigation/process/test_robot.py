@@ -6,16 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from support.goals import make_goal
 from support.installed_packages import install
 from zteam import messages, names
+from zteam.config.localisation import LOST_DEVIATION
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import Header, LaserScan, NavigationState, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
+from zteam.navigation.planning.amcl import Amcl
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
-from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin
+from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin, SmootherOptions
 from zteam.navigation.process.inputs import Inputs
 from zteam.navigation.process.navigator import STOP
 from zteam.navigation.process.robot import NO_MAP, RobotNavigation
@@ -38,6 +41,7 @@ class Outputs:
     def __init__(self) -> None:
         self.velocity = STOP
         self.frames: list[Pose2] = []
+        self.covariance = np.zeros((3, 3))
 
     def drive(self, _now: int, velocity: Velocity, *, active: bool) -> None:
         self.velocity = velocity
@@ -45,6 +49,7 @@ class Outputs:
     def localise(self, _now: int, _ahead: int, localiser: Any) -> None:
         if localiser.map_from_odom is not None:
             self.frames.append(localiser.map_from_odom)
+        self.covariance = localiser.covariance
 
     def show(self, *_: object) -> None:
         """Nothing to look at."""
@@ -255,7 +260,7 @@ def test_parameters_that_do_not_fit_the_map_are_told() -> None:
     ("place", "text"),
     [
         ({"x": 40.0}, "outside of the map"),
-        ({"x": 1.0, "frame": "odoom"}, "'odoom', which no transform leads to"),
+        ({"x": 1.0, "frame": "odoom"}, "'odoom', from which no transform leads to"),
         ({"x": math.nan}, "the goal is not finite, too far away, or its orientation is no rotation"),
         ({"x": 1.0, "w": 0.0}, "the goal is not finite, too far away, or its orientation is no rotation"),
     ],
@@ -284,10 +289,11 @@ def test_a_goal_that_cannot_be_read_stops_it() -> None:
     assert robot.step().x > 0.0
 
 
-def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
-    """It is taken to the map where the robot is now."""
+@pytest.mark.parametrize("frame", ["/robot_0/base_footprint", "base_footprint", "odom", "/odom", "robot_0/odom", ""])
+def test_a_goal_may_be_in_a_frame_of_the_robot(frame: str) -> None:
+    """It is taken to the map where the robot is now, with the frame's full name or the robot's own one."""
     robot = driving()
-    robot.inputs.newest[names.GOAL_POSE] = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
+    robot.inputs.newest[names.GOAL_POSE] = make_goal(1.5, 0.0, 0.5, frame)
     robot.step()
     assert robot.robot.navigator.goal == pytest.approx((1.5, 0.0, 0.5))
 
@@ -347,6 +353,26 @@ def test_a_robot_that_may_be_anywhere_does_not_drive() -> None:
     assert "no particles" in driving().robot.localize_globally()
 
 
+def test_navigation_drives_no_car() -> None:
+    """It turns on the spot: the goal waits for another base, and the text says why."""
+    robot = driving()
+    robot.inputs._bases[0] = replace(DEFAULT_BASE, drive="car")  # type: ignore[index]
+    robot.robot.set_base()
+    assert robot.step() == STOP
+    assert "car" in robot.text
+
+
+def test_a_robot_that_was_carried_away_says_that_it_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands, names the key that takes its pose, and its estimate is as wide as that of a lost robot."""
+    robot = driving("amcl")
+    assert robot.step() != STOP
+    monkeypatch.setattr(Amcl, "is_elsewhere", True)
+    assert robot.step() == STOP
+    assert "it is lost" in robot.text
+    assert names.robot_key(robot.inputs.robot_id, names.INITIAL_POSE) in robot.text
+    assert robot.outputs.covariance[0, 0] > LOST_DEVIATION**2
+
+
 CREEP = """
 from zteam.planning import Velocity
 
@@ -360,6 +386,18 @@ class Creep:
     def command(self, costmap, pose, velocity, seconds):
         return Velocity(self.speed)
 """
+
+
+def test_no_controller_is_faster_than_the_limits_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the velocity smoother hold for a package's controller too: in speed, and in speeding up."""
+    install(tmp_path, "acme", "[zteam.controllers]\ncreep = acme_creep:Creep\n", {"acme_creep": CREEP})
+    monkeypatch.syspath_prepend(tmp_path)
+    limits = {"max_velocity": (0.25, 0.0, 1.0), "min_velocity": (-0.15, 0.0, -1.0), "max_accel": (1.0, 0.0, 1.0)}
+    for speed, driven in ((0.9, [0.1, 0.2, 0.25, 0.25]), (-0.9, [-0.1, -0.15, -0.15, -0.15])):
+        robot = Robot(controller_plugin=Plugin("creep", {"speed": speed}), smoother=SmootherOptions(**limits))
+        robot.robot.set_map(box())
+        robot.go(2.0)
+        assert [robot.step().x for _ in range(4)] == pytest.approx(driven)
 
 
 def test_the_controller_of_a_package_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -136,6 +136,10 @@ class Closed(Bare):
     def __init__(self):
         self.sides = 0
 
+class Own(Spin):
+    def __init__(self, params):
+        self.sides = 0
+
 class Stranger:
     pass
 """
@@ -156,6 +160,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     with pytest.raises(UsageError, match="ModuleNotFoundError"):
         load_behavior("my_robots.mine:Spin", {})
     look_in([tmp_path, tmp_path])
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
@@ -165,6 +170,8 @@ def test_a_users_class_is_found(folder: Path) -> None:
     with pytest.raises(UsageError, match="Spin: rate: "):
         load_behavior("my_robots.mine:Spin", {"rate": "fast"})
     assert load_behavior("my_robots.mine:Bare", {}).params == NoParams()
+    # Its own __init__ does not call that of Behavior.
+    assert load_behavior("my_robots.mine:Own", {"rate": 2}).params.rate == 2.0
     with pytest.raises(UsageError, match="takes no parameters"):
         load_behavior("my_robots.mine:Bare", {"speed": 1.0})
     assert importlib.import_module("colorsys").__file__ != str(folder / "colorsys.py")
@@ -184,7 +191,7 @@ def test_a_users_class_is_found(folder: Path) -> None:
         ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
         ("my_robots.raising:Spin", "raising.py:1: RuntimeError: two lines"),
         ("ends:Robot", "ends.py:1: SystemExit: 3"),
-        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare, Mute, Blind, Odd, Deaf, Closed"),
+        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare, Mute, Blind, Odd, Deaf, Closed, Own"),
         ("my_robots.mine:Closeds", "mine.py) has no Closeds (did you mean Closed?)"),
         ("my_robots.mine:Behaviour", "mine.py) has no Behaviour; it has Spin, "),
         ("my_robots.mine:Stranger", "is not a subclass"),

@@ -147,6 +147,16 @@ def test_the_interval_of_scans_is_the_shorter_one_of_the_newest_two(inputs: Robo
     assert intervals == [0.1, 0.25, 0.25, 0.25, 0.5, 0.5]
 
 
+def test_scans_without_a_time_stamp_are_told() -> None:
+    """A driver that leaves the stamp at 0 is what the robot waits for, until a scan has one."""
+    inputs = RobotInputs(3)
+    inputs.on_base_info(3, BaseInfo(model="cart"))
+    give(inputs, 0)
+    assert inputs.missing() == ["a time stamp in its scans (robot_3/base_scan), which have 0"]
+    give(inputs, 1)
+    assert inputs.missing() == []
+
+
 WIDE = BaseInfo(model="wide", footprint=Polygon([Point32(x, y) for x, y in box_points(0.6)]), max_vel_x=0.5)
 
 

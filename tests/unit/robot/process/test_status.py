@@ -33,7 +33,7 @@ from zteam.robot.process.driver import SafetyLog
 
 Start = Callable[..., RealTimeRobot]
 STOPPED = "stopped (zteam stop --release)"
-ALONE = ": no simulator runs yet (zteam-sim WORLD), and no base sends data"
+ALONE = ": nothing comes from its base (or zteam-sim WORLD)"
 
 
 class EveryBeat:
@@ -151,15 +151,18 @@ def test_a_new_speed_is_no_reason_to_publish(
     assert len(robot.said) == before
 
 
+@pytest.mark.parametrize(
+    ("say", "lack"), [(RealTimeRobot.say_scan, "odometry"), (RealTimeRobot.say_odometry, "a first scan")]
+)
 @pytest.mark.usefixtures("beats")
-def test_a_robot_without_a_simulator_says_so(start: Start) -> None:
-    """It may be a real one, too: then its base sends no scan. With the first scan that is over."""
+def test_a_robot_that_nothing_reaches_says_so(start: Start, say: Callable[..., None], lack: str) -> None:
+    """It may be a real one, too: then its base sends nothing. With the first data of it that is over."""
     robot = start(Idle, gate=True)
     said = robot.wait_for_status(lambda status: status.reason.endswith(ALONE))
     assert said.text == said.reason
     assert said.text.startswith("waiting for a first scan (robot_1/base_scan), odometry (robot_1/odom)")
-    robot.say_scan(1)
-    robot.wait_for_status(lambda status: status.text.startswith("waiting for odometry") and ALONE not in status.text)
+    say(robot, 1)
+    robot.wait_for_status(lambda status: status.text.startswith(f"waiting for {lack}") and ALONE not in status.text)
     with captured_log() as log:
         # Without a gate it has no status to wait in.
         start(Idle)
@@ -338,11 +341,11 @@ def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
         assert len(log.lines) == 1
         note(60, 90, ahead, lambda _: "")
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
-        unseen = Reason("no laser looks behind", slows=True)
+        unseen = Reason("it cannot see behind", slows=True)
         back = Twist(Vector3(-0.4))
         note(90, 98, back, lambda tick: unseen if tick < 94 else "robot_2 behind", RobotDriver.TELEOP)
     assert log.lines[2:] == [
-        "safety: slowed teleop (-0.40 m/s): no laser looks behind",
+        "safety: backs up slowly: it cannot see behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
     ]
     assert safety.stops == 2

@@ -112,7 +112,7 @@ def test_it_backs_up_slowly_where_no_laser_looks() -> None:
     for _ in range(10):
         robot.step(SPEED)
     assert robot.step(-SPEED) == -0.2
-    assert robot.reason == "no laser looks behind"
+    assert robot.reason == "it cannot see behind"
     robot.step(-SPEED, 0.5)
     assert fastest_corner(robot) == pytest.approx(0.2)
     assert robot.step(-0.1) == -0.1
@@ -126,7 +126,7 @@ def test_it_drives_on_slowly_where_its_laser_hardly_looks(fov: float, speed: flo
     """A laser has to see 15 degrees to either side of a way forwards."""
     view = make_view(make_scan([30.0] * 61, START, math.radians(fov)), now=START)
     command, why = SafetyLayer().limit(Twist(Vector3(SPEED)), view)
-    assert (command.linear.x, why) == (speed, "" if speed == SPEED else "no laser looks ahead")
+    assert (command.linear.x, why) == (speed, "" if speed == SPEED else "it cannot see ahead")
 
 
 def test_it_drives_no_faster_than_it_could_stop_within_what_its_laser_sees() -> None:
@@ -134,7 +134,7 @@ def test_it_drives_no_faster_than_it_could_stop_within_what_its_laser_sees() -> 
     scan = make_scan([0.5] * 181, START, math.pi)
     scan.range_max = 0.5
     command, why = SafetyLayer().limit(Twist(Vector3(1.0)), make_view(scan, now=START))
-    assert why == "no laser looks ahead"
+    assert why == "it cannot see ahead"
     speed = command.linear.x
     assert 0.1 * speed + 0.5 * speed**2 == pytest.approx(0.5)
 
@@ -157,7 +157,7 @@ def test_no_corner_is_fast_over_ground_never_seen(speed: float, turn: float, sid
         robot.step(-0.5)
     robot.step(speed, turn)
     assert fastest_corner(robot) == pytest.approx(0.2)
-    assert robot.reason == f"no laser looks {side}"
+    assert robot.reason == f"it cannot see {side}"
     for _ in range(40):
         robot.step(0.5, -math.atan2(robot.pose.y, 1.0) - robot.pose.yaw)
     robot.step(0.0, 3.0)

@@ -8,9 +8,10 @@ import pytest
 from support.small_worlds import is_occupied, make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.simulator.core.occupancy_grid import map_message, map_metadata
+from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world.bodies import boundary_slabs, place_blocks
 from zteam.simulator.world.model import Floorplan, Obstacle, Shape, World
+from zteam.simulator.world.placing import map_metadata
 from zteam.simulator.world.properties import Size3
 
 

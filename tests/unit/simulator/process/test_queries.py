@@ -242,7 +242,7 @@ def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyP
         ("speed", SpeedRequest(1e-11), "bad request"),
         ("speed", SpeedRequest(1e300), "bad request"),
         ("move", MoveRequest(0, 1e308, 0.0), "bad request"),
-        ("move", MoveRequest(0, 0.0, 0.0, -1e7), "bad request"),
+        ("move", MoveRequest(0, 0.0, 0.0, -1e9), "bad request"),
         ("spawn", SpawnRequest(0.0, -1e308), "bad request"),
     ],
 )

@@ -14,7 +14,9 @@ from PIL import Image
 from zteam.config.map_files import read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
+from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world.bodies import occupied_box, read_bitmap, rectangles
 from zteam.world import add_robot, load_world
 
@@ -23,7 +25,7 @@ PALETTE = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
 PALETTE.putpalette([255, 0, 0, 0, 255, 255])
 PLAIN = Image.fromarray(np.array([[0, 127, 128], [205, 255, 1]], np.uint8))
 EVEN = Image.fromarray(np.repeat(np.array([[0], [255]], np.uint8), 8, axis=0).repeat(8, axis=1))
-COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0]]], np.uint8))
+COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 230], [0, 0, 0, 0]]], np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -36,6 +38,7 @@ COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0,
         ("deep.pgm", b"P5 2 1 65535\n" + DEEP.astype(">u2").tobytes(), [[True, False]]),
         ("first channel.png", COLORS, [[True, False, True, False]]),
         ("palette.png", PALETTE, [[False, True]]),
+        ("clear.png", Image.fromarray(np.array([[[0, 127], [0, 128], [255, 255]]], np.uint8)), [[False, True, False]]),
         ("bits.png", Image.fromarray(np.array([[True, False]])), [[False, True]]),
     ],
 )
@@ -43,7 +46,7 @@ def test_dark_pixels_are_occupied(
     tmp_path: Path, name: str, image: Image.Image | bytes, occupied: list[list[bool]]
 ) -> None:
     """127 is, 128 and map_server's unknown 205 are not; the last row becomes row 0. A PGM has its own maximum. Of deep
-    images the upper byte counts, of colours the first channel and not alpha, of palettes the colours."""
+    images the upper byte counts, of colours the first channel, of palettes the colours. A transparent pixel is free."""
     if isinstance(image, bytes):
         (tmp_path / name).write_bytes(image)
     else:
@@ -134,6 +137,28 @@ def test_a_yaml_is_a_world_of_its_own(tmp_path: Path) -> None:
     # Turned by 90 degrees: the upper row lies at x = 0 to 0.5, its occupied cells at y = 2 to 3.
     behind = seen.readings[0].ranges
     assert math.isclose(float(behind[0]), (0.75 + 0.05 - 0.5) / math.sin(math.radians(135.125 - 90)), rel_tol=0.02)
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage"])
+def test_a_world_in_the_grid_of_a_country_is_the_same_one(tmp_path: Path, physics: str) -> None:
+    """At UTM coordinates lasers measure, robots drive and the map of the world shows what they do at the origin."""
+    found = []
+    for x, y in ((0.0, 0.0), (32_455_123.0, 5_411_932.0)):
+        write_map(tmp_path, origin=[x, y, 0.0])
+        (tmp_path / "x.world").write_text(
+            f'physics "{physics}"\nmodel ( bitmap "floor.yaml" )\n'
+            f"model ( size [0.1 1 1] pose [{x + 1.5} {y + 0.5} 0 20] )\n"
+            f"position ( size [0.2 0.2 0.2] pose [{x + 0.3} {y + 0.25} 0 0]\n"
+            "ranger ( pose [0 0 -0.1 0] sensor ( range [0 30] fov 180 samples 61 ) ) )"
+        )
+        world = load_world(tmp_path / "x.world")
+        engine = Engine(world)
+        for _ in range(30):
+            seen = engine.step({0: Twist(Vector3(0.5))}).robots[0]
+        truth = seen.truth.x - x, seen.truth.y - y, seen.truth.yaw
+        found.append([*truth, *seen.odom, *seen.readings[0].ranges, *map_message(world, 0.05).data])
+    assert found[0] == pytest.approx(found[1], abs=1e-5)
+    assert 0.5 < found[0][0] < 1.5
 
 
 def test_a_model_may_stand_on_a_yaml(tmp_path: Path) -> None:

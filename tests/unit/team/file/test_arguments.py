@@ -41,24 +41,46 @@ def places_of(folder: Path, text: str, *words: str) -> list[str]:
         ('"${x:-[1, 2]}"', [], [1, 2]),
         ('"${x:-{a = 1}}"', [], {"a": 1}),
         ('["${x:-1}", {y = "${x:-2}"}]', [], [1, {"y": 2}]),
-        # Not exactly one reference: the text itself.
-        ('"a ${x:-0}"', [], "a ${x:-0}"),
-        ('"${x:-0}${y:-1}"', [], "${x:-0}${y:-1}"),
+        ('"${x:-{a = {b = 1}}}"', [], {"a": {"b": 1}}),
+        # In a longer text: the text of each.
+        ('"--count=${n:-3}"', [], "--count=3"),
+        ('"--count=${n:-3}"', ["n=0.50"], "--count=0.50"),
+        ('"1-${last:-3}"', ["last=7"], "1-7"),
+        ('"${x:-0}${y:-1} ${x:-2}"', ["x=5"], "51 5"),
+        ("'a ${x:-\"2\"}'", [], "a 2"),
+        ('"a ${x:-}b"', [], "a b"),
+        ('"a ${x:-true} ${y:-[1, 2]}"', [], "a true [1, 2]"),
+        ('"${x:-1}-{y}"', [], "1-{y}"),
+        ("'{\"n\": ${n:-3}}'", [], '{"n": 3}'),
+        ('["a", "b ${x:-1}", {y = "c${x:-1}"}]', ["x=d"], ["a", "b d", {"y": "cd"}]),
+        # A shell's own.
+        ('"$${x}"', [], "${x}"),
+        ('"echo $${x:-0} ${y:-1}"', [], "echo ${x:-0} 1"),
+        # No reference: the text itself.
         ('"${1x:-0}"', [], "${1x:-0}"),
-        ('"$x"', [], "$x"),
+        ('"a $x $ {x} ${} $$"', [], "a $x $ {x} ${} $$"),
         # What is given is not looked through once more.
         ('"${x:-0}"', ["x=${x:-0}"], "${x:-0}"),
+        ('"a ${x:-0}"', ["x=${x:-0}"], "a ${x:-0}"),
     ],
 )
-def test_a_whole_text_stands_for_a_value(tmp_path: Path, text: str, words: list[str], value: object) -> None:
-    """The value is TOML, or a text without quotes; any other text is left as it is."""
+def test_a_reference_stands_for_a_value(tmp_path: Path, text: str, words: list[str], value: object) -> None:
+    """A whole text for one of TOML, or a text without quotes; in a longer text for the text of that."""
     assert load(tmp_path, f"{ROBOTS}p = {text}\n", *words).robots[0].params == {"p": value}
 
 
 def test_a_missing_argument_is_told_once_at_each_place(tmp_path: Path) -> None:
     """Nothing else is told, because other values may follow from it."""
-    text = '[team]\nworld = "${map}"\nseed = -1\n[[robots]]\nid = "${id}"\n[[robots]]\nid = 1\nfollow = "${id}"\n'
+    text = '[team]\nworld = "${map}"\nseed = -1\n[[robots]]\nid = "${id}"\n[[robots]]\nid = 1\nfollow = "1${id}"\n'
     assert places_of(tmp_path, text) == ["2: team.world", "5: robots[0].id", "8: robots[1].follow"]
+
+
+def test_a_group_takes_a_part_of_its_ids(tmp_path: Path) -> None:
+    """As a node takes a part of an argument of its command."""
+    text = '[[robots]]\nids = "1-${last:-3}"\n[[nodes]]\nname = "n"\ncommand = ["python", "--count=${n:-3}"]\n'
+    assert [robot.id for robot in load(tmp_path, text).robots] == [1, 2, 3]
+    team = load(tmp_path, text, "last=2", "n=4")
+    assert ([robot.id for robot in team.robots], team.nodes[0].command[1]) == ([1, 2], "--count=4")
 
 
 def test_mistakes_in_arguments_are_one_line(tmp_path: Path) -> None:

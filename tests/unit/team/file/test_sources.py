@@ -167,3 +167,11 @@ def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:
     )
     team = load_team(path)
     assert [robot.behavior for robot in team.robots] == ["avoid", "avoid"]
+
+
+@pytest.mark.parametrize("name", ["long-folder/" * 20 + "base.toml", "long-name-" * 20, "two  blanks.toml"])
+def test_an_include_that_is_not_there_is_named_whole(tmp_path: Path, name: str) -> None:
+    """However long its path is."""
+    with pytest.raises(ConfigError) as refused:
+        load_team(write(tmp_path, team=f'include = ["{name}"]\n'))
+    assert f"include[0]: team '{name}': " in str(refused.value)

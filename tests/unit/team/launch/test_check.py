@@ -119,6 +119,16 @@ def test_all_mistakes_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
     ]
 
 
+def test_parameters_of_navigation_are_told_with_the_file_that_has_them(tmp_path: Path) -> None:
+    """Numbers out of bounds, in the team file and in a parameter file, before anything starts."""
+    (tmp_path / "own.yaml").write_text("amcl: {ros__parameters: {alpha1: -1.0, laser_max_range: -1.0}}")
+    table = 'navigation = { params = "own.yaml", amcl.max_particles = 2_000_000_000, amcl.z_hit = 0.4 }\n'
+    with pytest.raises(ConfigError) as error:
+        check(tmp_path, f"{ARENA}{table}")
+    told = [line.partition("navigation: ")[2] for line in str(error.value).splitlines()]
+    assert [line.partition(": a ")[0] for line in told] == ["own.yaml: amcl.alpha1", "amcl.max_particles"]
+
+
 def test_a_right_team_passes_and_names_its_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The user's behaviours are imported from beside the team file and from the current folder; a world of the command
     line replaces the file's."""
@@ -176,6 +186,76 @@ def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path, mo
     check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["./own.sh"]\n')
 
 
+@pytest.mark.parametrize(
+    ("content", "mode", "way_out"),
+    [
+        (b"#!/bin/sh\n", 0o755, ""),
+        (b"#! /bin/sh -e\n", 0o755, ""),
+        (b"\x7fELF\x02\x01\x01\0", 0o755, ""),
+        (b"#!/bin/sh\n", 0o644, "chmod +x"),
+        (b"\x7fELF\x02\x01\x01\0", 0o644, "chmod +x"),
+        (b"print(1)\n", 0o755, '["python", "./own", …]'),
+        ("# Größe\n".encode(), 0o755, '["python", "./own", …]'),
+        (b"#!/usr/bin/env python3\r\nprint(1)\r\n", 0o755, "Unix"),
+        (b"#!/no/such/python\n", 0o755, "first line"),
+        (b"#!\n", 0o755, "first line"),
+        (b"MZ\x90\0\x03\n", 0o755, "Windows"),
+        (None, 0o755, "is a folder"),
+    ],
+)
+def test_a_file_that_is_no_program_is_told_as_what_it_is(
+    tmp_path: Path, content: bytes | None, mode: int, way_out: str
+) -> None:
+    """Before anything starts, with the way out: a right, a first line, an interpreter, a program of this system."""
+    own = tmp_path / "own"
+    if content is None:
+        own.mkdir()
+    else:
+        own.write_bytes(content)
+    own.chmod(mode)
+    text = f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["./own"]\n'
+    if not way_out:
+        check(tmp_path, text)
+        return
+    with pytest.raises(ConfigError) as refused:
+        check(tmp_path, text)
+    assert way_out in str(refused.value)
+    assert str(refused.value).startswith(f"{tmp_path}/team.toml:7: nodes[0].command[0]: ")
+
+
+def test_a_program_that_lies_beside_the_file_is_named_by_its_path(tmp_path: Path) -> None:
+    """One without a slash is looked for on PATH alone, as a shell does."""
+    (tmp_path / "own_node.py").write_text("")
+    with pytest.raises(ConfigError, match=r'"\./own_node\.py", or command = \["python", "own_node\.py", …\]'):
+        check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["own_node.py"]\n')
+
+
+BLIND = (
+    'define dot position ( size [0.3 0.3 0.3] )\ndot ( pose [0 0 0 0] name "r0" )\ndot ( pose [2 0 0 0] name "r1" )\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("robots", "place"),
+    [
+        ("", ""),
+        ('[[robots]]\nids = "0-1"\nbehavior = "none"\n', ""),
+        ('[[robots]]\nid = 5\nbehavior = "none"\nmodel = "dot"\npose = [4, 0, 0]\n', ""),
+        ('[[robots]]\nid = 0\nbehavior = "idle"\n', "8 robots[0].behavior"),
+        ('[[robots]]\nid = 5\nbehavior = "none"\n', "7 robots[0].id"),
+    ],
+)
+def test_robots_that_a_users_program_drives_need_no_laser(tmp_path: Path, robots: str, place: str) -> None:
+    """All others do; and the world has to have them, or gets them."""
+    (tmp_path / "blind.world").write_text(BLIND)
+    node = '[[nodes]]\nname = "swarm"\ncommand = ["python", "-m", "swarm"]\n'
+    text = f'[team]\nworld = "blind.world"\n{node}{robots}'
+    if place:
+        assert mistakes_of(tmp_path, text) == [place]
+    else:
+        assert check(tmp_path, text) == tmp_path / "blind.world"
+
+
 def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Path) -> None:
     """The fixture and `run_team` name the node's line and the way out; nothing starts."""
     path = write(tmp_path, f'{ARENA}[[nodes]]\nname = "a"\ncommand = ["python"]\n')
@@ -212,6 +292,25 @@ def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
     check(tmp_path, text + 'model = "erratic"\npose = [0, 0, 0]\n')
 
 
+def test_a_world_too_large_for_its_map_is_told_before_the_start(tmp_path: Path) -> None:
+    """With the key that makes its cells larger; a team with another map, or whose run has larger cells, may start."""
+    (tmp_path / "big.world").write_text(
+        "model ( size [2000 2000 1] boundary 1 noblocks 1 )\nposition ( ranger ( sensor ( samples 9 ) ) )"
+    )
+    text = f'[team]\nworld = "big.world"\n{ROBOT}'
+    with pytest.raises(
+        ConfigError, match=r"team.toml: simulation.map_resolution: .* map_resolution = 0.26 .* --map-res"
+    ):
+        check(tmp_path, text)
+    assert mistakes_of(tmp_path, f"{text}[simulation]\nmap_resolution = 0.1\n") == ["6 simulation.map_resolution"]
+    check(tmp_path, f"{text}[simulation]\nmap_resolution = 0.26\n")
+    report = run_team(write(tmp_path, text), seconds=0.1, map_resolution=20.0)
+    assert report.ticks == 2
+    for metres in (0.0, 1e9):
+        with pytest.raises(ValueError, match="map_resolution"):
+            run_team(write(tmp_path, text), seconds=0.1, map_resolution=metres)
+
+
 @pytest.mark.ci
 def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     """The launcher stays small and fast: the check imports neither the engine nor pymunk nor the user's modules."""
@@ -241,6 +340,7 @@ seeing( name "inside" pose [3.2 0 0 0] )
 seeing( name "under" pose [-3 0 0 0] )
 seeing( name "over" pose [-3.1 0 0 0] )
 seeing( name "free" pose [0 3 0 0] )
+seeing( name "car" pose [0 -3 0 0] drive "car" )
 """
 FEELER = STOPPER.replace(
     "class Params", 'inputs = {"bumps": ("bumper", Bumper), "near": ("sonar_0", Range)}\n    class Params'
@@ -248,8 +348,8 @@ FEELER = STOPPER.replace(
 
 
 def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that stands in a thing or in another robot, and one without a sensor that its behaviour needs. A node may
-    bring that, unless it is the laser: without it no robot drives."""
+    """One that stands in a thing or in another robot, one without a sensor that its behaviour needs, and a car that
+    navigation is to drive. A node may bring a sensor, unless it is the laser: without it no robot drives."""
     (tmp_path / "my.world").write_text(WORLD)
     (tmp_path / "its_feeler.py").write_text(FEELER)
     monkeypatch.syspath_prepend(tmp_path)
@@ -258,5 +358,7 @@ def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypa
     laser = "5 robots[0].behavior"
     standing = ["4 robots[0].ids"] * 2
     assert mistakes_of(tmp_path, text + feeler, here=True) == [*standing, laser, *["8 robots[1].behavior"] * 2]
+    car = '[team]\nworld = "my.world"\n[[robots]]\nid = 5\nbehavior = "wander"\nnavigation = { localizer = "amcl" }\n'
+    assert mistakes_of(tmp_path, car) == ["6 robots[0].navigation"]
     node = '[[nodes]]\nname = "skin"\ncommand = ["python", "-c", "pass"]\n'
     assert mistakes_of(tmp_path, text + feeler + node, here=True) == [*standing, laser]

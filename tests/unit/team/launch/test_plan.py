@@ -32,6 +32,7 @@ from zteam.team.launch import plan as planning
 from zteam.team.launch.fork_server import PRELOADS
 from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch, options_of, plan_team, robot_job, stop_order
 from zteam.team.launch.process import Job, zteam_command
+from zteam.team.security.access import rights_of
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")
@@ -45,6 +46,30 @@ TEAM = Team(
     team=TeamSection(seed=11),
 )
 ROBOTS = ["robot_0", "robot_3", "robot_7", "robot_8"]
+
+
+SWARM = NodeEntry(name="swarm", command=("python", "swarm.py"))
+
+
+@pytest.mark.parametrize(
+    ("robots", "processes"),
+    [
+        ([], []),
+        ([RobotEntry(id=i, behavior="none") for i in range(3)], []),
+        ([RobotEntry(id=0, behavior="none"), RobotEntry(id=4, follow=0)], [4]),
+    ],
+    ids=["the world's", "by the user's program", "with a follower"],
+)
+def test_robots_without_a_behaviour_have_no_process(robots: list[RobotEntry], processes: list[int]) -> None:
+    """GO waits for the others alone; the program that drives them is a node, whose certificate may do so."""
+    team = Team(robots=robots, nodes=[SWARM])
+    plan = plan_of(team)
+    found = [name for name in plan.jobs if names.robot_id_of(name) is not None]
+    assert found == [names.robot_name(i) for i in processes]
+    monitor = told(plan, names.MONITOR, MonitorOptions)
+    assert (monitor.team_size, monitor.ids) == (len(processes), tuple(processes))
+    free = {names.robot_key(robot.id, names.CMD_VEL) for robot in robots} - {"robot_4/cmd_vel"}
+    assert {key for key in rights_of(team)["swarm"].publishes if key.endswith(names.CMD_VEL)} == free
 
 
 def plan_of(team: Team = TEAM, **of_the_run: Any) -> LaunchPlan:

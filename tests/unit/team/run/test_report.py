@@ -129,7 +129,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "recovery_seconds": {"robot_1": 0.212},
         "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
         "ticks": 301,
-        "rtf": 3.0,
+        "real_time_factor": 3.0,
         "trajectory_sha256": "abc",
         "lockstep": True,
         "resends": 1,
@@ -201,3 +201,18 @@ def test_the_start_is_the_processs_own() -> None:
     importing, told = map(float, done.stdout.split())
     # The kernel counts in hundredths.
     assert importing - 0.02 < told < uptime() - before + 0.02
+
+
+def test_the_page_names_each_field() -> None:
+    """And no other: the file and Python have the same names."""
+    page = (Path(__file__).parents[4] / "docs" / "time.md").read_text()
+    section = page.partition("### The report of a run")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (.*?) \| (.*) \|$", section, re.M)
+    named = {name for first, _ in rows for name in re.findall(r"`(\w+)`", first)}
+    of_robots = set(RobotReport.__struct_fields__)
+    assert named - of_robots == set(RunReport.__struct_fields__)
+    assert set(RunReport.__struct_encode_fields__) == set(RunReport.__struct_fields__)
+    text = dict(rows)
+    assert of_robots - {"gap_m"} <= {*re.findall(r"`(\w+)`", text["`robots`"])}
+    for field, kind in (("timing_ms", Timing), ("latency_ms", Latency), ("processes", ProcessReport)):
+        assert {*kind.__struct_fields__} == {*re.findall(r"`(\w+)`", text[f"`{field}`"])}

@@ -12,8 +12,9 @@ import pytest
 
 import zteam
 from support.limits import LIMIT
+from zteam.behaviors import Behavior, View
 from zteam.clock import HOST_FACTOR
-from zteam.messages import Bool, LaserScan, RobotStatus
+from zteam.messages import Bool, LaserScan, RobotStatus, Twist
 from zteam.team.launch.plan import Pace
 from zteam.team.run import run_team as running
 
@@ -207,3 +208,32 @@ def test_no_node_imports_zteam_in_its_own_thread(tmp_path: Path) -> None:
     command = [sys.executable, "-c", IMPORTS]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT, check=True)
     assert done.stdout == ""
+
+
+def test_a_notebook_runs_its_own_class_and_modules_as_they_stand(
+    empty_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A class of `__main__` is the object itself. An edited module is read again at the next run, and so is what
+    imports it."""
+    asked = list[str]()
+
+    class Mine(Behavior):
+        def step(self, view: View) -> Twist:
+            asked.append("main")
+            return Twist()
+
+    def run(spec: str) -> float:
+        (empty_folder / "team.toml").write_text(TEAM.replace('"wander"\nspeed = 0.4', f'"{spec}"'))
+        return zteam.run_team("team.toml", seconds=1.0).robots[0].distance_m
+
+    monkeypatch.setattr(sys.modules["__main__"], "MineOfMain", Mine, raising=False)
+    run("__main__:MineOfMain")
+    assert set(asked) == {"main"}
+    (empty_folder / "pace.py").write_text("SPEED = 0.2\n")
+    text = "from zteam import Behavior\nfrom zteam.messages import Twist, Vector3\nfrom pace import SPEED\n"
+    text += "class Mine(Behavior):\n    step = lambda *_: Twist(Vector3(SPEED))\n"
+    (empty_folder / "edited.py").write_text(text)
+    before = run("edited:Mine")
+    assert before == run("edited:Mine") > 0.0
+    (empty_folder / "pace.py").write_text("SPEED = 0.4  # edited\n")
+    assert run("edited:Mine") > 1.5 * before

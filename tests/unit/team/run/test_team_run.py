@@ -249,7 +249,7 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
 
 
 def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
-    """Once: a second process of its name is refused. The team does not need it, and ends it with the others."""
+    """Once: a second process of its name is refused. The team does not need it, and ends it on request too."""
     with pretend.run() as run:
         run.start()
         asking = pretend.hub.bus()
@@ -262,4 +262,14 @@ def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
         assert run.supervisor.wait(lambda: "robot_5" in run.supervisor.ended, LIMIT)
         assert run.failed == set()
         start_robot(asking, 5, "wander")
+        start_robot(asking, 5, ends=True)
+        start_robot(asking, 5)
+        assert run.supervisor.processes["robot_5"].running
+        start_robot(asking, 5, ends=True)
+        assert not run.supervisor.processes["robot_5"].running
+        assert run.failed == set()
+        with pytest.raises(BusError, match="zteam up has not started robot_6"):
+            start_robot(asking, 6, ends=True)
+        with pytest.raises(BusError, match="zteam up has not started robot_6"):
+            start_robot(asking, 6)
     assert not any(p.running for p in run.supervisor.processes.values())

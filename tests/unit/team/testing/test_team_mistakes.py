@@ -28,7 +28,7 @@ def start_twice(team: Team) -> None:
     team.start("arena", in_process=True)
 
 
-MISTAKES: list[tuple[Callable[[Team], object], str]] = [
+MISTAKES: list[tuple[Callable[[Any], object], str]] = [
     (start(2, follow={0: 1, 1: 0}), "robots[0].follow: robots follow each other in a circle"),
     (start(2, follow={1: 5}), "robots[1].follow: no robot 5 in this team (it has 0, 1)"),
     (start(1, follow={5: 0}), "follow has robot 5, but robots has 0"),
@@ -43,6 +43,13 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
     (start(1, nodes={"a b": "zteam:run"}), "node 'a b': "),
     (lambda team: team.launch("line", in_process=True, secure="certificates"), "leave it or in_process out"),
     (start(1, in_process=True, chaos=True), "leave it or in_process out"),
+    (start(2, follow=[0]), "follow is [0]: give a dict by robot, as {1: 0}"),
+    (start(2, params=[0.2]), "params is [0.2]: give a dict by robot"),
+    (lambda team: team.run("5"), "team.run('5'): give the seconds"),
+    (lambda team: team.at("5"), "team.at('5'): give the tick"),
+    (lambda team: team.until(True, within=1), "team.until(True, …): give a function"),
+    (lambda team: team.until(lambda: True, within="1"), "team.until('1'): give"),
+    (lambda team: team.wait_for(1.0), "team.wait_for(1.0): give a function"),
     (start(0), "give at least one robot"),
     (start_twice, "a test has one team"),
     (lambda team: team.run(-1), "team.run(-1)"),
@@ -68,10 +75,19 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
 
 
 @pytest.mark.parametrize(("call", "words"), MISTAKES, ids=[words[:40] for _, words in MISTAKES])
-def test_a_mistake_is_told_in_one_line(idle: Team, call: Callable[[Team], object], words: str) -> None:
+def test_a_mistake_is_told_in_one_line(idle: Team, call: Callable[[Any], object], words: str) -> None:
     """The call fails with a line that names what is wrong, and no process has started."""
     with pytest.raises(UsageError) as told:
         call(idle)
     assert words in str(told.value)
     assert "\n" not in str(told.value)
     assert not idle._watch.log or call is start_twice
+
+
+def test_a_test_that_lets_no_time_pass_is_told(idle: Team) -> None:
+    """What a failed test shows of a world that has stood still, and not of one that has gone on."""
+    assert not idle.stillness
+    idle.start("arena", in_process=True)
+    assert "team.run(seconds)" in idle.stillness
+    idle.run(0.1)
+    assert not idle.stillness

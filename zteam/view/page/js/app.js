@@ -22,7 +22,7 @@ function rounded(command) {
   return Object.fromEntries(entries);
 }
 
-/** @typedef {{text: string, level: "info" | "error"}} Said */
+/** @typedef {{text: string, level: "info" | "error", about?: string}} Said about: a newer one about the same takes its place */
 
 /** What the parts of the page share. */
 export class App {
@@ -75,17 +75,18 @@ export class App {
     this.store.emit("tool", name);
   }
 
-  /** A line for the user, such as why a command was refused. @param {string} text @param {"info" | "error"} [level] */
-  say(text, level = "info") {
-    if (this.unsaid) this.unsaid.push({ text, level });
-    else this.store.emit("say", { text, level });
+  /** A line for the user, such as why a command was refused. @param {string} text @param {"info" | "error"} [level]
+   * @param {string} [about] */
+  say(text, level = "info", about = "") {
+    if (this.unsaid) this.unsaid.push({ text, level, about });
+    else this.store.emit("say", { text, level, about });
   }
 
   /** The panels have come. */
   sayAll() {
     const early = this.unsaid ?? [];
     this.unsaid = null;
-    for (const { text, level } of early) this.say(text, level);
+    for (const { text, level, about } of early) this.say(text, level, about);
   }
 
   #looksAt() {

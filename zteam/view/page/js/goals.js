@@ -54,6 +54,23 @@ export function tellEnds(app) {
   });
 }
 
+/** ms within which a robot that takes a goal has it, and metres between two places of one goal. */
+const TAKEN = [800, 6000],
+  SAME = 0.05;
+
+/** Says that a goal has ended of which no end was seen, because a list sent the next one at once.
+ * @param {import("./app.js").App} app @param {number} robot @param {number} x @param {number} y of a goal that is sent now */
+export function watchGoal(app, robot, x, y) {
+  const begun = performance.now();
+  const end = app.store.on("goals", (/** @type {Goal[]} */ goals) => {
+    const goal = goals.find((one) => one.robot === robot), passed = performance.now() - begun;
+    const isOther = goal !== undefined && isLive(goal) && Math.hypot(goal.x - x, goal.y - y) > SAME;
+    if (passed < TAKEN[0] || (!isOther && passed < TAKEN[1] && goal && isLive(goal))) return;
+    end();
+    if (isOther && passed < TAKEN[1]) app.say(`robot_${robot} drives to another goal now, perhaps of a list: how yours ended is in the log`, "error");
+  });
+}
+
 /**
  * @param {Goal} goal
  * @param {Goal | undefined} before the robot's goal in the document before

@@ -5,17 +5,13 @@ import { unitOf } from "./panels/format.js";
 export const SPANS = [10, 30, 60, 300]; // s
 const MOST_POINTS = 20000; // of one series
 
-/** Told apart in both themes; a series keeps its colour. */
-const COLORS = ["#2f80d6", "#d9661f", "#2c9c53", "#b3559e", "#9b7d00", "#1797a6", "#cf4646", "#7d6bd6"];
-
-/** @typedef {{topic: string, field: string, unit: string, color: string, times: number[], values: number[]}} Series */
+/** @typedef {{topic: string, field: string, unit: string, times: number[], values: number[]}} Series */
 
 /** The series of the plots. Times are seconds of the team's clock. */
 export class Plots {
   /** @type {Series[]} */
   series = [];
   span = SPANS[1];
-  #nextColor = 0;
 
   /**
    * @param {{watch: (topic: string, field: string) => void, unwatch: (topic: string, field: string) => void}} connection
@@ -27,6 +23,11 @@ export class Plots {
   }
 
   /** @param {string} topic @param {string} field */
+  has(topic, field) {
+    return this.#find(topic, field) !== undefined;
+  }
+
+  /** @param {string} topic @param {string} field */
   #find(topic, field) {
     return this.series.find((one) => one.topic === topic && one.field === field);
   }
@@ -34,8 +35,7 @@ export class Plots {
   /** @param {string} topic @param {string} field */
   add(topic, field) {
     if (this.#find(topic, field)) return;
-    const color = COLORS[this.#nextColor++ % COLORS.length];
-    this.series.push({ topic, field, unit: unitOf(field), color, times: [], values: [] });
+    this.series.push({ topic, field, unit: unitOf(field), times: [], values: [] });
     this.connection.watch(topic, field);
     this.changed();
   }

@@ -5,6 +5,8 @@ import { ownerOf } from "./layers.js";
 import { PoseTable } from "./poses.js";
 
 const LOG_LINES = 2000;
+/** Seconds of the host after which a line of a log is no longer one of now. */
+const FRESH = 2;
 /** @type {[number, number][][]} */
 const NO_OUTLINE = [];
 /** More than a robot has lasers. */
@@ -12,9 +14,10 @@ const SENSORS = 65536;
 
 /** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
 /** @typedef {{id: number, name: string, model: string, outline: [number, number][][], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
- *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean, stopped: boolean, unheld: boolean}} Robot */
+ *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean, stopped: boolean, unheld: boolean, takes_goals: boolean}} Robot */
 /** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string,
- *  behaviors: string[], launcher: boolean, options: string, loading: boolean, lists: Record<string, boolean>}} Team */
+ *  behaviors: string[], launcher: boolean, options: string, loading: boolean, lists: Record<string, boolean>,
+ *  refused: string[] | null}} Team */
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
@@ -45,7 +48,7 @@ export class Store extends Emitter {
   posearrays = new Map();
   /** @type {Record<string, any>} the newest of each doc by name */
   docs = {};
-  /** @type {{time: number, process: string, level: string, text: string}[]} the newest lines, oldest first */
+  /** @type {import("./panels/log.js").Line[]} the newest lines, oldest first */
   log = [];
   /** @type {Set<number>} */
   selection = new Set();
@@ -111,6 +114,12 @@ export class Store extends Emitter {
       this.robots = new Map(value.robots.map((/** @type {Robot} */ robot) => [robot.id, robot]));
       this.#forgetGone(before);
     } else if (name === "log") {
+      const now = Date.now() / 1000, { sim } = this.team ?? {};
+      // One that came just now was logged at about the frame's time; of older ones nothing is known.
+      for (const line of sim?.present ? value : []) {
+        const ago = now - line.time;
+        if (Math.abs(ago) < FRESH) line.stamp = this.frame.stamp - Math.max(0, ago) * (sim.state === "running" ? sim.rtf : 0);
+      }
       this.log.push(...value);
       if (this.log.length > LOG_LINES) this.log.splice(0, this.log.length - LOG_LINES);
     }

@@ -7,11 +7,12 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
 /**
  * @param {HTMLElement} place
  * @param {string} unit of the values, "" if it is unknown
- * @param {{topic: string, field: string, color: string}[]} series
+ * @param {{topic: string, field: string, color: string, dash: number[]}[]} series
  * @param {() => [number, number]} range of the time axis, s
+ * @param {(seconds: number) => string} timeText
  * @returns {Chart}
  */
-export function makeChart(place, unit, series, range) {
+export function makeChart(place, unit, series, range, timeText) {
   const style = getComputedStyle(document.documentElement);
   const color = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
   const size = parseFloat(style.fontSize) / 16, scaled = (/** @type {number} */ pixels) => Math.round(pixels * size);
@@ -26,10 +27,10 @@ export function makeChart(place, unit, series, range) {
     cursor: { y: false, drag: { setScale: false } },
     scales: { x: { time: false, range }, y: { range: (_chart, low, high) => rangeOf(low, high) } },
     axes: [
-      { ...axis, size: scaled(26), values: (_chart, times) => times.map((time) => `${time} s`) },
+      { ...axis, size: scaled(26), values: (_chart, times) => times.map(timeText) },
       { ...axis, size: scaled(52), labelSize: scaled(16), label: unit || "value" },
     ],
-    series: [{}, ...series.map(({ topic, field, color: stroke }) => ({ label: `${topic} ${field}`, stroke, width: 1.5, spanGaps: true, points: { show: false } }))],
+    series: [{}, ...series.map(({ topic, field, color: stroke, dash }) => ({ label: `${topic} ${field}`, stroke, dash, width: 1.5, spanGaps: true, points: { show: false } }))],
   }, [[], ...series.map(() => [])], place);
   return {
     draw(tables, width, height) {

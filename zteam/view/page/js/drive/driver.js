@@ -1,5 +1,6 @@
 /** Driving one robot: the lease, and commands ten times a second while it is held. */
 
+import { whyNoTool } from "../rights.js";
 import { commandOf, isZero, scaled } from "./law.js";
 
 /** ms between commands: five of them fit into the dead man's 0.5 s. */
@@ -42,9 +43,8 @@ export class Driver {
   /** @param {boolean} on */
   set(on) {
     if (on === this.mode) return;
-    if (on && !this.app.store.connection.mayCommand) {
-      return this.app.say("Driving: watching only, without the token", "error");
-    }
+    const why = on ? whyNoTool(this.app, "drive") : "";
+    if (why) return this.app.say(`Drive: ${why}`, "error");
     if (!on) this.letGo();
     this.mode = on;
     // Keys are for the robot now, not for what was clicked last.

@@ -2,7 +2,7 @@
 
 import { el, reconcile, setText } from "./dom.js";
 import { formatTime } from "./format.js";
-import { whyNoCommand } from "./rights.js";
+import { whyNoCommand } from "../rights.js";
 
 /** @typedef {{what: string, good: boolean, text: string, next_step: string, level: "ok" | "note" | "problem"}} Finding */
 /** @typedef {{running: boolean, time: number, findings: Finding[], error: string}} Examination */
@@ -14,7 +14,7 @@ const CLASS_OF_LEVEL = { problem: "bad", note: "warn", ok: "good" };
 /** @param {import("../app.js").App} app @returns {import("./tabs.js").Tab} */
 export function doctorTab(app) {
   const { store } = app;
-  const again = el("button", { type: "button", onclick: () => app.ask({ op: "doctor" }, "Doctor") }, "Examine again");
+  const again = el("button", { type: "button", onclick: () => app.ask({ op: "doctor" }, "Doctor") }, "Check again");
   const summary = el("span", { class: "grow", role: "status" });
   const list = el("div", { class: "findings", role: "list", "aria-label": "Findings" });
   const page = el("div", { class: "page" }, el("div", { class: "row under" }, summary, again), el("div", { class: "scroll", tabindex: 0 }, list));
@@ -41,11 +41,11 @@ export function doctorTab(app) {
 
 /** @param {Examination | undefined} doctor */
 function summaryOf(doctor) {
-  if (!doctor || (doctor.running && !doctor.time)) return "Examining: this takes some seconds…";
+  if (!doctor || (doctor.running && !doctor.time)) return "Checking: this takes some seconds…";
   if (doctor.error) return doctor.error;
   const count = doctor.findings.filter(({ good }) => !good).length;
   const text = count === 0 ? "no problems" : count === 1 ? "1 problem" : `${count} problems`;
-  return `${formatTime(doctor.time)}: ${text}${doctor.running ? "; examining again…" : ""}`;
+  return `${formatTime(doctor.time).split(".")[0]}: ${text}${doctor.running ? "; checking again…" : ""}`;
 }
 
 /** @param {Finding} finding */

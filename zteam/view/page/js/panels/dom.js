@@ -149,6 +149,8 @@ export function confirmButton(label, question, act) {
     button.removeAttribute("aria-pressed");
   };
   const button = el("button", { type: "button" }, label);
+  // What stands beside it must not move under the pointer.
+  button.style.minWidth = `calc(${Math.max(label.length, question.length)} * .75ch + 1.125rem)`;
   button.addEventListener("click", () => {
     if (timer) {
       back();

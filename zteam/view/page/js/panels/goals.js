@@ -3,7 +3,7 @@
 import { cancelGoals, isLive, liveGoals, pausedLists, progressText, tellEnds } from "../goals.js";
 import { robotColor } from "../robot_colors.js";
 import { el, iconButton, reconcile, setText } from "./dom.js";
-import { whyNoCommand } from "./rights.js";
+import { whyNoCommand } from "../rights.js";
 
 /** More are counted. */
 const MOST = 8;
@@ -15,13 +15,18 @@ export function mountGoals(app, place) {
   const { store } = app;
   /** The aborted goals that the user has dismissed, by robot: their stamps. @type {Map<number, number>} */
   const dismissed = new Map();
-  const title = el("strong", { class: "grow" });
+  // A click folds the list away from the map.
+  const title = el("button", { type: "button", class: "link grow", title: "Fold the list of goals, or show it", "aria-expanded": "true", onclick: () => fold() });
   const all = el("button", { type: "button", onclick: () => cancelGoals(app, liveGoals(store).map(({ robot }) => robot), true) }, "Cancel all");
   const rows = el("div"), more = el("div", { class: "muted" });
   const text = el("span", { class: "grow" }), resume = el("button", { type: "button", onclick: () => app.ask({ op: "resume_lists" }, "Go on") }, "Go on");
   const paused = el("div", { class: "goal" }, text, resume);
   const list = el("section", { id: "goals", "aria-label": "Goals", "data-own-pointer": true }, el("header", {}, title, all), rows, more, paused);
   place.append(list);
+  function fold() {
+    rows.hidden = more.hidden = !rows.hidden;
+    title.setAttribute("aria-expanded", String(!rows.hidden));
+  }
   const isShown = (/** @type {Goal} */ goal) => isLive(goal) || (goal.state === "aborted" && dismissed.get(goal.robot) !== goal.stamp);
   const chosenFirst = (/** @type {Goal} */ a, /** @type {Goal} */ b) => Number(store.selection.has(b.robot)) - Number(store.selection.has(a.robot));
   /** @param {Goal} goal */

@@ -2,11 +2,11 @@
 
 import { progressText } from "../goals.js";
 import { robotColor } from "../robot_colors.js";
-import { el, reconcile, setText } from "./dom.js";
+import { el, reconcile, setAttribute, setText } from "./dom.js";
 import { formatAge, formatNumber } from "./format.js";
 import { drawLine } from "./log.js";
 import { ParameterList } from "./parameters.js";
-import { behaviorOf } from "./team.js";
+import { behaviorOf, stateOf } from "./team.js";
 
 const LOG_ROWS = 8;
 const OLD_READING = 2; // s
@@ -14,7 +14,7 @@ const OLD_READING = 2; // s
 /** @typedef {{topic: string, type: string, hz: number, age: number}} Sensor */
 /** @typedef {{frame: string, parent: string, by: string}} Link by: the process that says where frame is in parent */
 /** @typedef {{robot: number, behavior?: string, parameters?: import("./parameters.js").Parameter[], values?: Record<string, any>, sensors: Sensor[], frames: Link[]}} Inspection */
-/** @typedef {{plot: (topic: string, field: string) => void, echo: (topic: string) => void, log: (process: string) => void}} Ways to other panels */
+/** @typedef {{plot: (topic: string, field: string) => void, isPlotted: (topic: string, field: string) => boolean, echo: (topic: string) => void, log: (process: string) => void}} Ways to other panels */
 
 /** What is plotted by one click, where the robot has the sensor. */
 const PLOTS = [
@@ -56,7 +56,7 @@ class Inspector {
       el("h3", {}, "Log ", allLines), this.lines);
     this.head = el("div", { class: "row under" }, this.swatch, this.name, follow);
     this.page = el("div", { class: "page" }, this.hint, this.head, this.body);
-    for (const event of ["team", "goals", "inspect", "selection", "connection", "theme"]) app.store.on(event, () => this.#show());
+    for (const event of ["team", "goals", "inspect", "selection", "connection", "theme", "plots"]) app.store.on(event, () => this.#show());
     app.store.on("robots", () => this.#showFacts());
     for (const event of ["log", "selection"]) app.store.on(event, () => this.#showLog());
   }
@@ -110,15 +110,22 @@ class Inspector {
     reconcile(this.plots, found, ({ topic, field }) => `${topic}:${field}`, ({ title, topic, field }) => {
       const onclick = () => this.ways.plot(topic, field);
       return el("button", { type: "button", title: `Plot ${field} of ${topic}`, onclick }, title);
-    }, () => {});
+    }, (button, { topic, field }) => setAttribute(button, "aria-pressed", String(this.ways.isPlotted(topic, field))));
   }
 
   #showLog() {
     if (!this.#shown) return;
-    const names = [`robot_${this.#id}`, `nav_${this.#id}`];
-    const lines = this.app.store.log.filter(({ process }) => names.includes(process)).slice(-LOG_ROWS);
+    const lines = this.app.store.log.filter((line) => isAbout(line, this.#id)).slice(-LOG_ROWS);
     this.lines.replaceChildren(...(lines.length ? lines.map(drawLine) : [el("div", { class: "hint" }, "It has logged nothing yet.")]));
   }
+}
+
+/** Whether a robot or its navigation logs a line; one process may navigate for all robots, and names the one it means.
+ * @param {import("./log.js").Line} line @param {number} id */
+export function isAbout({ process, text }, id) {
+  if (!/^nav_\d+$/.test(process)) return process === `robot_${id}`;
+  const named = text.match(/\brobot_\d+\b/g);
+  return named ? named.includes(`robot_${id}`) : process === `nav_${id}`;
 }
 
 /** @param {string[]} texts @param {string[]} numbers */
@@ -138,7 +145,7 @@ export function showFacts(place, facts) {
 function factsOf(store, id, known) {
   const robot = store.robots.get(id), pose = store.poses.at(id);
   const goal = (store.docs.goals ?? []).find((/** @type {import("../goals.js").Goal} */ one) => one.robot === id);
-  const does = robot ? [robot.state, robot.reason].filter(Boolean).join(": ") : "unknown";
+  const does = robot ? [stateOf(robot, store.team), robot.reason].filter(Boolean).join(": ") : "unknown";
   return [
     ["State", does],
     ["Behaviour", robot ? behaviorOf({ ...robot, behavior: known.behavior ?? robot.behavior }) : known.behavior ?? "–"],

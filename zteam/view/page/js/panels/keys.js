@@ -57,7 +57,8 @@ export function mountKeys(app, actions) {
 
 function makeHelp() {
   const close = iconButton("close", "Close", () => dialog.close());
-  const groups = el("div", { class: "help" });
+  const first = "Select a robot by a click in the map or in the table. Choose Goal, and press in the map where it should go; drag for its heading. Or choose Drive, and use the keys or the stick. Stop holds all robots until you release them.";
+  const groups = el("div", { class: "help" }, el("p", {}, first));
   const all = [...MAP_SHORTCUTS, ...SHORTCUTS];
   for (const group of new Set(all.map((one) => one.group))) {
     const rows = all.filter((one) => one.group === group).map(({ keys, text }) => el("div", {}, el("dt", {}, ...keysOf(keys)), el("dd", {}, text)));

@@ -8,8 +8,8 @@ import { el, reconcile, setText } from "./dom.js";
 /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout @returns {import("./tabs.js").Tab} */
 export function layersTab(app, layout) {
   const { layers } = app;
-  const fit = el("button", { type: "button", onclick: () => /** @type {any} */ (app).scene?.fit() }, "Fit the map");
-  const north = el("button", { type: "button", onclick: () => app.camera.set({ angle: 0 }) }, "Reset the rotation: x to the right");
+  const fit = el("button", { type: "button", onclick: () => app.scene?.fit() }, "Show the whole map");
+  const north = el("button", { type: "button", onclick: () => app.camera.set({ angle: 0 }) }, "Turn the map back");
   const parts = GROUPS.map((group) => groupPart(app, group));
   const page = el("div", { class: "page" }, el("div", { class: "scroll" }, el("div", { class: "row under" }, fit, north), ...parts.map(({ element }) => element)));
   let open = false;
@@ -75,7 +75,7 @@ function robotsPart(app, group, title) {
   };
   const show = () => {
     const robots = [...store.robots.values()], shown = robots.filter(({ id }) => layers.showsRobot(group, id)).length;
-    setText(summary, shown === robots.length ? "of all robots" : `of ${shown} of ${robots.length} robots`);
+    setText(summary, `Robots: ${shown === robots.length ? "all" : `${shown} of ${robots.length}`}`);
     // The list of a hundred robots is made when it is opened.
     if (!element.open) return;
     reconcile(checks, robots, ({ id }) => String(id), create, (label, { id }) => {

@@ -1,13 +1,14 @@
 /** What all processes log: filtered, at its end unless the user scrolled up. */
 
 import { el, setText } from "./dom.js";
-import { formatTime } from "./format.js";
+import { formatClock, formatTime } from "./format.js";
 
 const LEVELS = ["debug", "info", "warn", "error", "fatal"];
 const MOST_ROWS = 1000;
 const NEAR_END = 24; // px
 
-/** @typedef {{time: number, process: string, level: string, text: string}} Line */
+/** @typedef {{time: number, stamp?: number, process: string, level: string, text: string}} Line stamp: s of simulated time, where
+ *  it is known, as in the bar and in plots */
 
 /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout @returns {import("./tabs.js").Tab} */
 export function logTab(app, layout) {
@@ -157,7 +158,7 @@ class LogView {
 }
 
 /** @param {Line} line */
-export function drawLine({ time, process, level, text }) {
-  const parts = [el("span", { class: "time" }, formatTime(time)), el("span", { class: "process" }, process)];
+export function drawLine({ time, stamp, process, level, text }) {
+  const parts = [el("span", { class: "time", title: formatTime(time) }, stamp === undefined ? formatTime(time) : formatClock(stamp)), el("span", { class: "process" }, process)];
   return el("div", { class: "line", "data-level": level }, ...parts, el("span", { class: "level" }, level), el("span", { class: "text" }, text));
 }

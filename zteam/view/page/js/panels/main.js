@@ -32,7 +32,7 @@ export function mountPanels(app) {
   layout.register("selected", selectionPart(app), "");
   layout.register("theme", theme);
   for (const event of ["camera", "selection", "theme"]) app.store.on(event, () => layout.changed());
-  const plots = plotsTab(app, layout);
+  const { tab: plotsPage, plots } = plotsTab(app, layout);
   let choose = (/** @type {string} */ _name) => {};
   const plot = (/** @type {string} */ topic, /** @type {string} */ field) => {
     plots.add(topic, field);
@@ -44,7 +44,8 @@ export function mountPanels(app) {
   };
   const topics = topicsTab(app, layout, plot);
   const inspector = inspectorTab(app, {
-    plot,
+    plot: (topic, field) => (plots.has(topic, field) ? plots.remove(topic, field) : plot(topic, field)),
+    isPlotted: (topic, field) => plots.has(topic, field),
     echo: (topic) => show("topics", { echo: topic }),
     log: (process) => show("log", { log: `info/${process}/` }),
   });
@@ -59,7 +60,7 @@ export function mountPanels(app) {
     if (app.tool === "select" && robot !== undefined && !others.length) app.inspect(robot);
   });
   const side = [teamTab(app), inspector, simulatorTab(app), topics, framesTab(app), layersTab(app, layout)];
-  const frame = mountFrame(side, [logTab(app, layout), plots.tab, doctorTab(app)], layout);
+  const frame = mountFrame(side, [logTab(app, layout), plotsPage, doctorTab(app)], layout);
   choose = frame.choose;
   mountSimulatorBar(app);
   mountNotices(app);
@@ -79,7 +80,7 @@ export function mountPanels(app) {
 }
 
 /** @param {import("../app.js").App} app @returns {import("../layout.js").Part} */
-function cameraPart({ camera }) {
+function cameraPart({ camera, scene }) {
   return {
     get: () => {
       const { x, y, scale, angle, follow } = camera.get();
@@ -89,7 +90,7 @@ function cameraPart({ camera }) {
     },
     set: (text) => {
       const parts = text.split(","), robot = /^robot (\d+)$/.exec(parts[0]);
-      if (text === UNPLACED) return;
+      if (text === UNPLACED) return scene?.keepTeam();
       const numbers = parts.slice(robot ? 1 : 0).map(Number);
       if (numbers.length !== (robot ? 2 : 4) || !numbers.every(Number.isFinite)) return;
       const [scale, angle] = numbers.slice(-2);

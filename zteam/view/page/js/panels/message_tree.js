@@ -45,7 +45,8 @@ export class MessageTree {
       return branch;
     }
     const shown = el("span", { class: "leaf" });
-    if (typeof value !== "number") return el("div", {}, el("span", { class: "field" }, name), shown);
+    // True is 1 in a plot, false is 0.
+    if (typeof value !== "number" && typeof value !== "boolean") return el("div", {}, el("span", { class: "field" }, name), shown);
     const title = `Plot ${path}`;
     const button = el("button", { type: "button", class: "link field", title, "aria-label": title, onclick: () => this.plot(path) }, name);
     return el("div", {}, button, shown, el("span", { class: "muted" }, unitOf(path)));

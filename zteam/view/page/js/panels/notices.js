@@ -27,7 +27,7 @@ export function chooseNotice(store, seen) {
     return { title: "The view's server refused this page", text: `${reason}. Reload the page; it tries again by itself.`, bad: true };
   }
   if (state === "lost") {
-    const text = `${reason ? `${reason}. ` : ""}What you see is old. The page comes back by itself when the server does:`;
+    const text = `${reason ? `${reason[0].toUpperCase()}${reason.slice(1)}. ` : ""}What you see is old. The page comes back by itself when the server does:`;
     return { title: "The view's server is gone", text, way: "zteam view", bad: true };
   }
   if (!team) return { title: "Waiting for the first frame…", text: "" };
@@ -48,7 +48,7 @@ function noticeOfTeam(team, seen) {
     return { title: "The team is gone", text: `No simulator and no robot is left${where}. The view waits for the next one:`, way: "zteam up", bad: true };
   }
   if (!team.sim.present && seen.simulator) {
-    return { title: "The simulator is gone", text: "The world stands, and robots have no clock. Start it again:", way: "zteam-sim WORLD", bad: true };
+    return { title: "The simulator is gone", text: "The world stands, and robots have no clock. Start it again:", way: `zteam-sim ${team.sim.world || "WORLD"}`, bad: true };
   }
   return null;
 }
@@ -89,7 +89,7 @@ export function mountNotices(app) {
 function watchingBanner({ store, connection }) {
   const title = "The part of the printed address behind #token=, or the whole address";
   const field = el("input", { "aria-label": "Token", placeholder: "Token", title, autocomplete: "off", spellcheck: "false", autocapitalize: "off", maxlength: 256 });
-  const text = el("span", { role: "status" }), use = el("button", { type: "submit" }, "Command");
+  const text = el("span", { role: "status" }), use = el("button", { type: "submit" }, "Use token");
   let hidden = false, before = "";
   const close = iconButton("close", "Only watch", () => open(false));
   close.classList.add("plain");
@@ -136,9 +136,9 @@ function drawNotice(notice) {
 /** @param {import("../store.js").Store} store */
 function mountToasts(store) {
   const place = /** @type {HTMLElement} */ (document.getElementById("toasts"));
-  store.on("say", ({ text, level }) => {
-    const toast = el("div", { class: level, title: "Click to close", onclick: () => toast.remove() }, text);
-    for (const old of place.children) if (old.textContent === text) old.remove();
+  store.on("say", ({ text, level, about = "" }) => {
+    const toast = el("div", { class: level, title: "Click to close", "data-about": about, onclick: () => toast.remove() }, text);
+    for (const old of [...place.children]) if (old.textContent === text || (about && old.getAttribute("data-about") === about)) old.remove();
     place.append(toast);
     while (place.children.length > MOST_TOASTS) place.firstChild?.remove();
     setTimeout(() => toast.remove(), level === "error" ? TOAST.error : TOAST.info);
@@ -149,21 +149,22 @@ function mountToasts(store) {
 function mountStatus(store, askForToken) {
   const place = /** @type {HTMLElement} */ (document.getElementById("status"));
   const link = el("span"), viewer = el("span", { class: "muted" }), gate = el("span", { class: "grow" });
-  const viewers = el("span", { class: "muted" }), time = el("span", { class: "mono" });
+  const time = el("span", { class: "mono" });
   const watching = el("button", { type: "button", class: "link", title: WATCHING, onclick: askForToken }, "watching only");
-  place.append(link, viewer, watching, gate, viewers, time);
+  place.append(link, viewer, watching, gate, time);
   const show = () => {
     const { state, mayCommand } = store.connection, { team, frame } = store;
     const silent = (performance.now() - frame.received) / 1000;
     const old = state === "open" && frame.number >= 0 && silent > OLD;
     setText(link, state === "open" ? (old ? `● no frame for ${formatNumber(silent, 0)} s` : "● connected") : `○ ${state}`);
     link.className = state === "open" && !old ? "good" : "bad";
-    setText(viewer, state === "open" ? `viewer ${store.connection.viewer}` : "");
+    // Its number matters where others may drive.
+    const count = team?.viewers ?? 1;
+    setText(viewer, state === "open" && count > 1 ? `viewer ${store.connection.viewer}, ${count} pages` : "");
     watching.hidden = state !== "open" || mayCommand;
     setText(gate, team ? gateText(team) : "");
     gate.title = gate.textContent ?? "";
     gate.className = `grow ${team && team.gate.state !== "go" ? "warn" : "muted"}`;
-    setText(viewers, team && team.viewers > 1 ? `${team.viewers} viewers` : "");
     setText(time, team?.sim.present ? `tick ${frame.tick}` : "");
     time.title = formatClock(frame.stamp);
   };

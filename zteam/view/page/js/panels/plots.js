@@ -1,8 +1,10 @@
 /** Charts of the fields that the user has clicked, one for each unit. The library comes with the first chart. */
 
+import { ownerOf } from "../layers.js";
 import { Plots, SPANS } from "../plots.js";
+import { robotColor } from "../robot_colors.js";
 import { el, iconButton, setText } from "./dom.js";
-import { formatPlain } from "./format.js";
+import { formatClock, formatPlain } from "./format.js";
 
 const DRAW_PERIOD = 150; // ms
 const LOWEST = 110; // px
@@ -13,11 +15,11 @@ const MARGIN = 12; // px around a chart
 /**
  * @param {import("../app.js").App} app
  * @param {import("../layout.js").Layout} layout
- * @returns {{tab: import("./tabs.js").Tab, add: (topic: string, field: string) => void}}
+ * @returns {{tab: import("./tabs.js").Tab, plots: Plots}}
  */
 export function plotsTab(app, layout) {
   const view = new PlotsView(app, layout);
-  return { tab: { name: "plots", title: "Plots", page: view.page, shown: (on) => view.show(on) }, add: (topic, field) => view.plots.add(topic, field) };
+  return { tab: { name: "plots", title: "Plots", page: view.page, shown: (on) => view.show(on) }, plots: view.plots };
 }
 
 class PlotsView {
@@ -33,6 +35,7 @@ class PlotsView {
     this.store = app.store;
     this.plots = new Plots(app.connection, () => {
       this.#rebuild();
+      app.store.emit("plots");
       layout.changed();
     });
     this.span = el("select", { "aria-label": "Span of time" }, ...SPANS.map((span) => el("option", { value: span }, `${span} s`)));
@@ -41,7 +44,7 @@ class PlotsView {
       this.#setSpan(this.span.value);
       layout.changed();
     });
-    this.freeze = el("button", { type: "button", onclick: () => this.#toggle() }, "Pause");
+    this.freeze = el("button", { type: "button", onclick: () => this.#toggle() }, "Freeze");
     this.area = el("div", { class: "scroll charts" });
     this.page = el("div", { class: "page plots" }, this.area, el("div", { class: "controls" }, this.span, this.freeze, this.#clearButton()));
     app.store.on("samples", (samples) => this.plots.take(samples));
@@ -77,7 +80,7 @@ class PlotsView {
 
   #toggle() {
     this.#frozenAt = this.#frozenAt ? 0 : this.store.frame.stamp;
-    setText(this.freeze, this.#frozenAt ? "Resume" : "Pause");
+    setText(this.freeze, this.#frozenAt ? "Go on" : "Freeze");
     this.freeze.classList.toggle("on", this.#frozenAt > 0);
     this.#draw(true);
   }
@@ -107,9 +110,25 @@ class PlotsView {
 }
 
 /** The end of a field's path: the chip's tooltip has all of it. @param {string} field */
-function shorten(field) {
-  const parts = field.split(".");
-  return parts.length > 2 ? `…${parts.slice(-2).join(".")}` : field;
+const shorten = (field) => field.split(".").slice(-2).join(".");
+
+/** Of a time axis, as in the tool bar. @param {number} seconds */
+const timeText = (seconds) => formatClock(seconds).replace(/\.0\b/, "");
+
+/** Dashes of a robot's further curves in one chart, in pixels. */
+const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
+
+/** A curve has its robot's colour, the next one of the same robot other dashes. What belongs to no robot has the text's.
+ * @param {Series[]} group of one chart @returns {{color: string, dash: number[]}[]} */
+export function looksOf(group) {
+  /** @type {Map<number, number>} */
+  const counts = new Map();
+  return group.map(({ topic }) => {
+    const owner = ownerOf(topic), count = counts.get(owner) ?? 0;
+    counts.set(owner, count + 1);
+    const color = owner >= 0 ? robotColor(owner) : getComputedStyle(document.documentElement).getPropertyValue("--text").trim();
+    return { color, dash: DASHES[count % DASHES.length] };
+  });
 }
 
 /** The chart of all series of one unit, with their names above it. */
@@ -121,20 +140,22 @@ class UnitChart {
     this.series = series;
     this.plots = plots;
     this.outputs = series.map(() => el("output", {}));
-    this.chips = el("div", { class: "chips" }, ...series.map((one, i) => this.#chip(one, this.outputs[i])));
+    const looks = looksOf(series);
+    this.chips = el("div", { class: "chips" }, ...series.map((one, i) => this.#chip(one, looks[i], this.outputs[i])));
     this.canvas = el("div");
     this.place = el("div", { class: "chart" }, this.chips, this.canvas);
     area.append(this.place);
-    this.chart = make(this.canvas, unit, series, () => [Math.max(this.#end - plots.span, Math.min(this.#firstTime(), this.#end - 1)), this.#end]);
+    this.chart = make(this.canvas, unit, series.map((one, i) => ({ ...one, ...looks[i] })), () => [Math.max(this.#end - plots.span, Math.min(this.#firstTime(), this.#end - 1)), this.#end], timeText);
   }
 
-  /** @param {Series} series @param {HTMLElement} output its newest value */
-  #chip({ topic, field, color }, output) {
+  /** @param {Series} series @param {{color: string, dash: number[]}} look @param {HTMLElement} output its newest value */
+  #chip({ topic, field }, { color, dash }, output) {
     const swatch = el("span", { class: "swatch" });
-    swatch.style.backgroundColor = color;
+    swatch.style.borderTop = `3px ${dash.length ? (dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${color}`;
     const remove = iconButton("close", `Remove ${topic} ${field}`, () => this.plots.remove(topic, field));
     remove.classList.add("plain");
-    const name = [el("span", { class: "topic" }, topic), el("span", { class: "field" }, shorten(field))];
+    const owner = ownerOf(topic), short = owner < 0 ? topic : topic.slice(0, topic.indexOf("/"));
+    const name = [el("span", { class: "topic" }, short), el("span", { class: "field" }, shorten(field))];
     return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, ...name, output, remove);
   }
 

@@ -3,7 +3,7 @@
 import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "./dom.js";
 import { formatClock, formatNumber } from "./format.js";
 import { showFacts } from "./inspector.js";
-import { whyNoCommand } from "./rights.js";
+import { whyNoCommand } from "../rights.js";
 
 /** Simulated seconds a second of the host; 0: as fast as possible. */
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 0];
@@ -166,7 +166,7 @@ function spawnRow(app) {
 
 /** Makes these the choices of a list, unless they are. @param {HTMLSelectElement} list @param {string[]} names "": none */
 function offer(list, names) {
-  if ([...list.options].map((option) => option.value).join() === names.join()) return;
+  if (list.options.length === names.length && names.every((name, i) => list.options[i].value === name)) return;
   const chosen = list.value;
   list.replaceChildren(...names.map((name) => el("option", { value: name }, name || "no behaviour")));
   if (names.includes(chosen)) list.value = chosen;

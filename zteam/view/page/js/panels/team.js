@@ -4,7 +4,7 @@ import { robotColor } from "../robot_colors.js";
 import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
 import { formatAge, formatNumber } from "./format.js";
 import { gateText } from "./notices.js";
-import { whyNoCommand } from "./rights.js";
+import { whyNoCommand } from "../rights.js";
 
 /** @typedef {import("../store.js").Robot} Robot */
 /** @typedef {HTMLTableSectionElement & {cells: Record<string, HTMLElement>, look: string}} Rows
@@ -14,9 +14,17 @@ const HELD = "held";
 /** @type {Record<string, string>} the class of a state that is good or bad */
 const CLASS_OF_STATE = { running: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad", [HELD]: "bad" };
 const OLD_STATUS = 2; // s
+const AS_BEFORE = "as before";
 
-/** Its own state, or that it is stopped, unless it is worse. @param {Robot} robot */
-const stateOf = ({ state, stopped }) => (stopped && CLASS_OF_STATE[state] !== "bad" ? HELD : state);
+/** What the world does if it does not run; "" if it runs, or real robots need none. @param {import("../store.js").Team | null} team */
+const standing = (team) => (!team || team.sim.state === "running" ? "" : team.sim.state === "gone" ? "no world" : team.sim.state);
+
+/** Its own state; or that it is stopped, or stands with its world, unless it is worse. @param {Robot} robot @param {import("../store.js").Team | null} team */
+export function stateOf({ state, stopped }, team) {
+  if (CLASS_OF_STATE[state] === "bad") return state;
+  if (stopped) return HELD;
+  return (state === "running" && standing(team)) || state;
+}
 
 /** @param {import("../app.js").App} app @returns {import("./tabs.js").Tab} */
 export function teamTab(app) {
@@ -53,10 +61,11 @@ function summaryOf({ team }) {
   if (!team) return "";
   /** @type {Map<string, number>} */
   const counts = new Map();
-  for (const state of team.robots.map(stateOf)) counts.set(state, (counts.get(state) ?? 0) + 1);
+  for (const state of team.robots.map((robot) => stateOf(robot, team))) counts.set(state, (counts.get(state) ?? 0) + 1);
   const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
   const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
-  const gate = gateText(team);
+  // GO stands below the map too.
+  const gate = team.gate.state === "go" ? "" : gateText(team);
   return `${robots}${states ? `: ${states}` : ""}${gate ? ` · ${gate}` : ""}`;
 }
 
@@ -83,9 +92,9 @@ function select(app, id, more) {
 /** @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
 function updateRows(app, rows, robot) {
   const { store } = app;
-  const { cells } = rows, sim = store.team?.sim;
+  const { cells } = rows;
   // What a robot said last does not hold in a world that stands.
-  setText(cells.speed, sim?.present && sim.state !== "running" ? "–" : formatNumber(robot.speed, 2));
+  setText(cells.speed, standing(store.team) ? "–" : formatNumber(robot.speed, 2));
   setText(cells.age, formatAge(robot.age));
   const look = lookOf(store, robot);
   if (rows.look === look) return;
@@ -98,7 +107,7 @@ function updateRows(app, rows, robot) {
  * @param {import("../store.js").Store} store @param {Robot} robot */
 function lookOf({ selection, connection, team }, robot) {
   const old = (robot.age ?? 0) > OLD_STATUS;
-  return `${robot.state}|${robot.stopped}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${robot.localised}|${team?.launcher}|${team?.options}|${connection.viewer}|${connection.mayCommand}|${selection.has(robot.id)}|${robot.present}|${old}`;
+  return `${stateOf(robot, team)}|${robot.stopped}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${robot.localised}|${team?.launcher}|${team?.options}|${connection.viewer}|${connection.mayCommand}|${selection.has(robot.id)}|${robot.present}|${old}`;
 }
 
 /** @param {import("../store.js").Store} store @param {Rows} rows @param {Robot} robot */
@@ -109,7 +118,7 @@ function updateLook(store, { cells, classList }, robot) {
   setAttribute(cells.button, "aria-pressed", String(selected));
   cells.swatch.style.backgroundColor = robotColor(robot.id);
   setText(cells.name, robot.name || `robot_${robot.id}`);
-  const state = stateOf(robot);
+  const state = stateOf(robot, store.team);
   setText(cells.state, state);
   cells.state.className = CLASS_OF_STATE[state] ?? "";
   cells.state.title = state === HELD ? `${robot.state}, but 'zteam stop' holds it` : "";
@@ -117,9 +126,10 @@ function updateLook(store, { cells, classList }, robot) {
   cells.behavior.title = robot.model ? `model ${robot.model}` : "";
   cells.age.className = `number ${(robot.age ?? 0) > OLD_STATUS ? "bad" : "muted"}`;
   const note = [leaseOf(store, robot), robot.reason].filter(Boolean).join(" · ");
+  // The line is there without words too: rows must not move under the pointer.
   setText(cells.words, note);
   cells.words.className = robot.localised ? "" : "bad";
-  setAttribute(cells.below, "hidden", !note);
+  cells.words.title = note;
 }
 
 /** Whether a behaviour may be started for it: it is there, and no process holds its name. @param {Robot} robot */
@@ -129,20 +139,23 @@ const lacksProcess = (robot) => robot.present && ["undriven", "lost", "stopped"]
  * @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
 function showStart(app, { cells: { start } }, robot) {
   const { team } = app.store, why = whyNoCommand(app.store);
-  const offered = team && lacksProcess(robot) ? team.behaviors : [];
-  const about = offered.length ? `${team?.launcher} ${team?.options} ${offered} ${why}` : "";
+  // One that had a process may have it again as it was: with its leader, navigation and parameters.
+  const before = team?.launcher && robot.state !== "undriven" ? [AS_BEFORE] : [];
+  const offered = team && lacksProcess(robot) ? [...before, ...team.behaviors] : [];
+  const about = offered.length ? `${team?.launcher} ${team?.options} ${offered} ${robot.leader} ${why}` : "";
   if (start.dataset.about === about) return;
   start.dataset.about = about;
   start.hidden = about === "";
   if (start.hidden) return start.replaceChildren();
-  const given = offered.includes("wander") ? "wander" : offered[0];
-  if (!team?.launcher) return start.replaceChildren("type ", el("code", {}, `zteam-robot --id ${robot.id} --behavior ${given}${team?.options}`));
+  const given = before[0] ?? (offered.includes("wander") ? "wander" : offered[0]);
+  const does = robot.behavior === "follow" && robot.leader >= 0 ? `--follow ${robot.leader}` : `--behavior ${given}`;
+  if (!team?.launcher) return start.replaceChildren("type ", el("code", {}, `zteam-robot --id ${robot.id} ${does}${team?.options}`));
   const behavior = el("select", { "aria-label": `Behaviour of robot_${robot.id}` }, ...offered.map((name) => el("option", { value: name }, name)));
   behavior.value = given;
   const button = el("button", { type: "button" }, "Start");
   button.addEventListener("click", async () => {
     button.disabled = true;
-    await app.ask({ op: "start", robot: robot.id, behavior: behavior.value }, `robot_${robot.id} is not started`);
+    await app.ask({ op: "start", robot: robot.id, behavior: behavior.value === AS_BEFORE ? "" : behavior.value }, `robot_${robot.id} is not started`);
     button.disabled = false;
   });
   for (const control of [behavior, button]) {
@@ -156,7 +169,9 @@ function showStart(app, { cells: { start } }, robot) {
 
 /** Behaviour and leader, and in front of it what else drives. @param {Robot} robot */
 export function behaviorOf({ behavior, leader, driver }) {
-  const text = leader === null || leader < 0 ? behavior : `${behavior} robot_${leader}`;
+  const follows = leader !== null && leader >= 0;
+  // The line has turned round: the one that led it follows, and a follower leads.
+  const text = behavior === "follow" ? (follows ? `follow robot_${leader}` : "follow, leads") : follows ? `${behavior}, follows robot_${leader}` : behavior;
   // The behaviour idle is what a robot runs that navigation drives.
   if (driver === "navigation" && ["idle", ""].includes(text)) return driver;
   return ["behavior", "none", ""].includes(driver) ? text || "–" : `${driver} (${text})`;
@@ -175,7 +190,7 @@ function actionsOf(app) {
   const first = () => [...store.selection][0];
   const follow = el("button", { type: "button", onclick: () => app.camera.set({ follow: app.camera.follow === first() ? -1 : first() }) }, "Follow");
   const inspect = el("button", { type: "button", onclick: () => app.inspect(first()) }, "Inspect");
-  const none = el("button", { type: "button", onclick: () => app.select([]) }, "Select none");
+  const none = el("button", { type: "button", onclick: () => app.select([]) }, "Deselect");
   const remove = confirmButton("Remove", "Click again to remove", async () => {
     for (const robot of store.selection) await app.ask({ op: "remove", robot }, `robot_${robot} stays`);
   });
@@ -185,7 +200,7 @@ function actionsOf(app) {
     const count = store.selection.size, why = whyNoCommand(store);
     row.hidden = count === 0;
     setText(text, count === 1 ? `robot_${first()}` : `${count} robots`);
-    setText(follow, app.camera.follow === first() ? "Do not follow" : "Follow");
+    setText(follow, app.camera.follow === first() ? "Unfollow" : "Follow");
     follow.hidden = inspect.hidden = count !== 1;
     remove.disabled = why !== "" || !store.team?.sim.present;
     remove.title = why || (store.team?.sim.present ? "Take the selected robots out of the world" : "there is no simulator");

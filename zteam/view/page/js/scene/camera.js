@@ -22,8 +22,10 @@ export class Camera {
     this.height = 1;
     /** The robot in the middle; -1: none. */
     this.follow = -1;
-    /** Whether the user, a URL or a layout has placed the camera: if not, the first map is fitted. */
+    /** Whether the user, a URL or a layout has placed the camera: if not, it keeps the team in view. */
     this.placed = false;
+    /** Whether something on the map is pressed: then the map stands still under it. */
+    this.held = false;
     this.#turn();
   }
 
@@ -46,10 +48,15 @@ export class Camera {
 
   /** @param {Partial<View> & {follow?: number}} view */
   set(view) {
+    this.placed = true;
+    this.show(view);
+  }
+
+  /** The same, but the team is still kept in view if it was. @param {Partial<View> & {follow?: number}} view */
+  show(view) {
     Object.assign(this, view);
     this.scale = Math.min(Math.max(this.scale, MIN_SCALE), MAX_SCALE);
     this.#turn();
-    this.placed = true;
     this.#moved();
   }
 

@@ -1,7 +1,7 @@
 /** Goals that last: a ring with a heading in the robot's colour, a dashed line from the robot, and how far it is. */
 
 import { liveGoals, progressText } from "../goals.js";
-import { ahead, arrow, isOnScreen, label } from "./paint.js";
+import { ahead, arrow, isOnScreen, labelWhereFree } from "./paint.js";
 
 /** With more goals only those of selected robots say how far it is. */
 const MOST_TEXTS = 30;
@@ -12,7 +12,10 @@ const BESIDE = 9,
 /** @param {import("./paint.js").Pen} pen */
 export function paintGoals(pen) {
   const { app, ctx, theme } = pen,
-    goals = liveGoals(app.store).filter(({ robot }) => app.layers.showsRobot("navigation", robot));
+    goals = liveGoals(app.store).filter(({ robot }) => app.layers.showsRobot("navigation", robot)),
+    { selection } = app.store;
+  // Those of selected robots have their places first.
+  goals.sort((a, b) => Number(selection.has(b.robot)) - Number(selection.has(a.robot)));
   for (const goal of goals) {
     const { robot, x, y, yaw } = goal;
     const [px, py] = app.camera.toScreen(x, y),
@@ -33,7 +36,9 @@ export function paintGoals(pen) {
     // Above the mark, or below it if it points up. What a tool says stands below the pointer.
     const beside = BESIDE + HALF * theme.textSize,
       side = Math.sin(yaw + app.camera.angle) > 0.3 ? beside : -beside;
-    if (goals.length <= MOST_TEXTS || app.store.selection.has(robot)) label(pen, progressText(goal), px, py + side, { color });
+    /** @type {[number, number][]} */
+    const places = [1, -1, 2.6, -2.6].map((times) => [px, py + times * side]);
+    if (goals.length <= MOST_TEXTS || selection.has(robot)) labelWhereFree(pen, progressText(goal), places, { color });
   }
 }
 

@@ -21,6 +21,8 @@ const TOUCHING = [
 const AWAY = [14, 30, 50, 75],
   AROUND = Array.from({ length: 12 }, (_, i) => [Math.cos((i * Math.PI) / 6), Math.sin((i * Math.PI) / 6)]);
 const PLACES = TOUCHING.length + AWAY.length * AROUND.length;
+/** States of a robot that does not live, though it stands there as before. */
+const LACKING = new Set(["lost", "stopped", "silent", "fault"]);
 /** A robot's middle, where no name of others may be, as a share of its size. */
 const MIDDLE = 0.8;
 const BOLD = { bold: true },
@@ -154,7 +156,9 @@ function lookAt({ app: { store, camera }, radius, reach }, id) {
 
 /** @param {import("./paint.js").Pen} pen @param {Seen} robot */
 function textOf({ app: { store } }, { id, radius, selected, driver }) {
-  const name = radius >= NAME_RADIUS || selected ? (store.robots.get(id)?.name ?? `robot ${id}`) : String(id);
+  const robot = store.robots.get(id),
+    short = radius >= NAME_RADIUS || selected ? (robot?.name ?? `robot ${id}`) : String(id),
+    name = robot && LACKING.has(robot.state) ? `${short} · ${robot.state}` : short;
   if (driver === null) return name;
   return `${name} · driven by ${driver === store.connection.viewer ? "this page" : `viewer ${driver}`}`;
 }

@@ -1,9 +1,10 @@
 /** Markers (visualization_msgs/Marker, and polygons as line strips). */
 
+import { ownerOf } from "../layers.js";
 import { inMetres, inPixels, label, trace } from "./paint.js";
 
 /** @typedef {{ns: string, id: number, type: number, x: number, y: number, yaw: number, scale: number[], color:
- *   number[],
+ *   number[] | null,
  *  points: number[][], text: string}} Marker */
 
 // visualization_msgs/msg/Marker.
@@ -22,8 +23,11 @@ const ARROW = 0,
 /** @param {import("./paint.js").Pen} pen */
 export function paintMarkers(pen) {
   for (const marker of pen.app.store.docs.markers ?? []) {
-    const [r, g, b, a] = marker.color;
-    pen.ctx.fillStyle = pen.ctx.strokeStyle = `rgba(${255 * r}, ${255 * g}, ${255 * b}, ${a})`;
+    const [r, g, b, a] = marker.color ?? [],
+      owner = ownerOf(marker.ns);
+    // A polygon has no colour: a footprint has its robot's.
+    const color = marker.color ? `rgba(${255 * r}, ${255 * g}, ${255 * b}, ${a})` : owner >= 0 ? pen.theme.robotCss(owner) : pen.theme.css.accent;
+    pen.ctx.fillStyle = pen.ctx.strokeStyle = color;
     inMetres(pen, marker.x, marker.y, marker.yaw);
     paintMarker(pen, marker);
   }

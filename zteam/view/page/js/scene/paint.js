@@ -134,6 +134,22 @@ export function drawSprite({ ctx, ratio }, { canvas, width, height }, px, py) {
   ctx.drawImage(canvas, left, top, width, height);
 }
 
+/** Text at the first of some places that no label has yet; nowhere if all are taken. @param {Pen} pen @param {string} text
+ * @param {[number, number][]} places of its middle in pixels @param {Look} [look] @returns {boolean} whether it is shown */
+export function labelWhereFree(pen, text, places, look = {}) {
+  const sprite = spriteOf(pen, text, look),
+    [half, tall] = [sprite.width / 2 - 2, sprite.height / 2 - 2];
+  for (const [px, py] of places) {
+    /** @type {Box} */
+    const box = [px - half, py - tall, px + half, py + tall];
+    if (!isFree(pen, box)) continue;
+    pen.taken.push(box);
+    drawSprite(pen, sprite, px, py);
+    return true;
+  }
+  return false;
+}
+
 /** Whether a place is free for a label. @param {Pen} pen @param {Box} box */
 export function isFree({ taken }, box) {
   for (let i = 0; i < taken.length; i++) {

@@ -4,14 +4,14 @@ import { paintAbove } from "./above.js";
 import { makeBelow } from "./below.js";
 import { readTheme } from "./colors.js";
 import { isMap } from "./grids.js";
+import { makeKeeper } from "./keeping.js";
 import { paintNames, placeNames } from "./labels.js";
+import { makeOutside } from "./outside.js";
 
 /** Figures of so many drawings are kept. */
 const KEPT = 200;
 /** Milliseconds from the request of a picture that count at most. */
 const MOST_WAIT = 1000;
-/** Metres beside the robots that a page shows at first. */
-const AROUND = 3;
 const REDRAWN_ON = [
   "robots",
   "team",
@@ -52,11 +52,12 @@ export function makeScene(app, element, stats) {
   const below = makeBelow(app, lower, () => change("theme"));
   /** @type {import("./above.js").Painter[]} */
   const painters = [];
+  const outside = makeOutside(app, element);
+  const keeper = makeKeeper(app, () => mapBox(store));
   let theme = readTheme(element),
     ratio = 1,
     pending = false,
     drawnFrame = -1,
-    fitted = "",
     asked = 0,
     waited = 0;
   /** Those of the last drawing. @type {import("./names.js").Name[]} */
@@ -84,7 +85,8 @@ export function makeScene(app, element, stats) {
 
   function draw() {
     const start = performance.now(),
-      goesOn = moveRobots(start);
+      moves = moveRobots(start),
+      goesOn = keeper.step(start) || moves;
     follow();
     // A scan is drawn from halfway on: then its robot is nearest to where it was seen.
     const later = store.poses.left > 0.5 && changed.delete("scans");
@@ -93,6 +95,7 @@ export function makeScene(app, element, stats) {
     if (NAMED_ON.some((name) => changed.has(name))) {
       pen.names = names = placeNames(pen);
       named = [...pen.taken];
+      outside.update(theme);
     } else pen.taken.push(...named);
     const drawn = below.draw(changed, theme, ratio, names);
     paintAbove(pen, painters);
@@ -107,7 +110,7 @@ export function makeScene(app, element, stats) {
    * @param {number} now ms @returns {boolean} whether they will be elsewhere in the next picture */
   function moveRobots(now) {
     const { poses, team } = store,
-      stands = team?.sim.present && team.sim.state !== "running";
+      stands = team !== null && !["running", ""].includes(team.sim.state);
     if (!stands && waited < poses.period / 2) return poses.drawAt(now);
     poses.arrive();
     return false;
@@ -135,27 +138,15 @@ export function makeScene(app, element, stats) {
       canvas.height = Math.max(1, Math.round(height * ratio));
     }
     camera.resize(width, height);
-    fitFirst();
     // At once: a canvas is empty after a change of its size.
     draw();
   }
 
   /** Shows the whole map, or all robots if there is none. */
   function fit() {
-    const box = mapBox(store) ?? robotsBox(store);
+    const box = mapBox(store);
     if (box) camera.fit(box);
-  }
-
-  /** Until the user moves the camera it fits what comes: robots with what is around them, or before them a map. */
-  function fitFirst() {
-    if (camera.placed) return;
-    const { count } = store.poses,
-      about = `${count || mapBox(store)} ${camera.width} ${camera.height}`;
-    if (about === fitted) return;
-    fitted = about;
-    const box = robotsBox(store) ?? mapBox(store);
-    if (box) camera.fit(box);
-    camera.placed = false;
+    else keeper.begin();
   }
 
   function follow() {
@@ -168,8 +159,7 @@ export function makeScene(app, element, stats) {
     theme = readTheme(element);
     change("theme");
   });
-  store.on("robots", fitFirst);
-  store.on("grids", fitFirst);
+  for (const name of ["robots", "grids"]) store.on(name, () => keeper.step(performance.now()));
   new ResizeObserver(resize).observe(element);
   watchRatio(resize);
 
@@ -178,6 +168,8 @@ export function makeScene(app, element, stats) {
     painters,
     requestDraw,
     fit,
+    /** Shows the team, and keeps it in view until the user moves the map. */
+    keepTeam: () => keeper.begin(),
     radius: below.radius,
     works: below.works,
     /** A picture of both canvases. @returns {Promise<Blob>} */
@@ -215,14 +207,6 @@ function mapBox({ grids }) {
     return [meta.x, meta.y, meta.x + meta.width * meta.resolution, meta.y + meta.height * meta.resolution];
   }
   return null;
-}
-
-/** All robots, with AROUND on each side. @param {import("../store.js").Store} store @returns {Extent | null} */
-function robotsBox({ poses }) {
-  if (!poses.count) return null;
-  const xs = poses.x.subarray(0, poses.count),
-    ys = poses.y.subarray(0, poses.count);
-  return [Math.min(...xs) - AROUND, Math.min(...ys) - AROUND, Math.max(...xs) + AROUND, Math.max(...ys) + AROUND];
 }
 
 /** Calls a function when the window comes to a screen of another density. @param {() => void} changed */

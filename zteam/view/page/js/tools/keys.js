@@ -1,5 +1,6 @@
 /** Keys of the map, while no robot is driven. */
 
+import { whyNoTool } from "../rights.js";
 import { normalize } from "../scene/camera.js";
 
 const TOOL_KEYS = /** @type {Record<string, string>} */ ({
@@ -48,7 +49,7 @@ export function listenToKeys(app, cursor, cancel) {
   const actions = {
     Escape: cancel,
     d: () => app.drive?.set(true),
-    f: () => app.scene?.fit(),
+    f: () => app.scene?.keepTeam(),
     Home: () => app.scene?.fit(),
     F: () => toggleFollow(app),
     n: () => zoom(1, -normalize(camera.angle)),
@@ -62,7 +63,13 @@ export function listenToKeys(app, cursor, cancel) {
     ArrowUp: () => camera.pan(0, STEP),
     ArrowDown: () => camera.pan(0, -STEP),
   };
-  for (const [key, tool] of Object.entries(TOOL_KEYS)) actions[key] = () => app.useTool(tool);
+  for (const [key, tool] of Object.entries(TOOL_KEYS)) {
+    actions[key] = () => {
+      const why = whyNoTool(app, tool);
+      if (why) app.say(`${tool[0].toUpperCase()}${tool.slice(1)}: ${why}`, "error");
+      else app.useTool(tool);
+    };
+  }
 
   window.addEventListener("keydown", (event) => {
     if (app.drive?.mode || event.defaultPrevented || isTyped(event) || event.altKey || event.metaKey) return;

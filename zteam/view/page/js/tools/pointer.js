@@ -63,6 +63,7 @@ export function listenToPointer(app, element, tool) {
     const taken = event.button === 0 && using.down(point) !== false;
     const does = taken ? "tool" : event.button === 2 ? "turn" : "pan";
     press = { id: event.pointerId, does, px: point.px, py: point.py, using };
+    app.camera.held = true;
     app.scene?.requestDraw();
   }
 
@@ -120,6 +121,7 @@ export function listenToPointer(app, element, tool) {
       press.using.up(point);
     }
     press = null;
+    app.camera.held = false;
     app.scene?.requestDraw();
   }
 
@@ -128,6 +130,7 @@ export function listenToPointer(app, element, tool) {
     const had = press !== null;
     if (press?.does === "tool") press.using.cancel();
     press = null;
+    app.camera.held = false;
     app.scene?.requestDraw();
     return had;
   }

@@ -1,8 +1,9 @@
 /** Tools that give a pose: press for the place, drag for the heading. */
 
 import { judge } from "../costs.js";
+import { watchGoal } from "../goals.js";
 import { paintGoal } from "../scene/goals.js";
-import { label } from "../scene/paint.js";
+import { label, labelWhereFree, spriteOf } from "../scene/paint.js";
 
 /** A drag of fewer pixels gives no heading. */
 const MIN_DRAG = 8;
@@ -94,9 +95,10 @@ export function makeGoalTool(app) {
     asked = null;
     if (!found?.bad) return true;
     const isSecond = before && now - before.time < ASK_LIMIT && Math.hypot(x - before.x, y - before.y) * app.camera.scale < SAME;
+    if (isSecond) app.say(`Goal sent, though it is not free: ${found.text}`, "info", "goal");
     if (isSecond) return true;
     asked = { x, y, time: now };
-    app.say(`Goal not sent: ${found.text}. Press again at the same place to send it anyway`, "error");
+    app.say(`Goal not sent: ${found.text}. Press again at the same place to send it anyway`, "error", "goal");
     return false;
   }
 
@@ -104,7 +106,9 @@ export function makeGoalTool(app) {
     app,
     (x, y, yaw) => {
       const robots = chosenRobots(app);
-      if (isMeant(robots, x, y)) app.ask({ op: "goal", robots, x, y, yaw: yaw ?? headingTo(app, robots, x, y) }, "Goal");
+      if (!isMeant(robots, x, y)) return;
+      app.ask({ op: "goal", robots, x, y, yaw: yaw ?? headingTo(app, robots, x, y) }, "Goal");
+      if (robots.length === 1) watchGoal(app, robots[0], x, y);
     },
     () => chosenRobots(app).length > 0 || refuse(app, "Goal: select the robots first (s)"),
   );
@@ -129,8 +133,14 @@ export function makeGoalTool(app) {
       // The camera may have moved under the pointer.
       const found = at && judge(app.store, chosenRobots(app), ...app.camera.toMap(at.px, at.py));
       if (!at || !found) return;
-      const { css, textSize } = pen.theme;
-      label(pen, found.text, at.px + 14, at.py + 16 * textSize, { align: "left", bold: found.bad, color: found.bad ? css.danger : css.text });
+      const { css, textSize } = pen.theme,
+        { px, py } = at,
+        down = 16 * textSize;
+      const look = { bold: found.bad, color: found.bad ? css.danger : css.text },
+        half = 14 + spriteOf(pen, found.text, look).width / 2;
+      /** @type {[number, number][]} */
+      const places = [[px + half, py + down], [px - half, py + down], [px + half, py - down], [px - half, py - down]];
+      if (!labelWhereFree(pen, found.text, places, look)) label(pen, found.text, ...places[0], look);
     },
   };
 }

@@ -1,5 +1,6 @@
 /** The buttons of the tools and of the camera. */
 
+import { whyNoTool } from "../rights.js";
 import { toggleFollow } from "./keys.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -18,18 +19,19 @@ const ICONS = /** @type {Record<string, string>} */ ({
 });
 
 const TOOLS = [
-  { name: "select", title: "Select (s): click, Shift+click adds, Shift+drag a box" },
-  { name: "goal", title: "Goal (g): press for the place, drag for the heading" },
-  { name: "pose", title: "Initial pose (p): press for the place, drag for the heading" },
-  { name: "move", title: "Move a robot in the simulator (v): drag it; the wheel turns it" },
-  { name: "measure", title: "Measure (r)" },
+  { name: "select", word: "Select", title: "Select (s): click, Shift+click adds, Shift+drag a box" },
+  { name: "goal", word: "Goal", title: "Goal (g): press for the place, drag for the heading" },
+  { name: "pose", word: "Pose", title: "Initial pose (p): press for the place, drag for the heading" },
+  { name: "move", word: "Move", title: "Move a robot in the simulator (v): drag it; the wheel turns it" },
+  { name: "measure", word: "Measure", title: "Measure (r)" },
 ];
 
-/** @param {string} name @param {string} title @param {() => void} act */
-function makeButton(name, title, act) {
+/** @param {string} name @param {string} word @param {string} title @param {() => void} act */
+function makeButton(name, word, title, act) {
   const button = document.createElement("button"),
     svg = document.createElementNS(SVG, "svg"),
-    path = document.createElementNS(SVG, "path");
+    path = document.createElementNS(SVG, "path"),
+    text = document.createElement("span");
   button.type = "button";
   button.title = title;
   button.className = "tool";
@@ -38,37 +40,40 @@ function makeButton(name, title, act) {
   svg.setAttribute("viewBox", "0 0 24 24");
   path.setAttribute("d", ICONS[name]);
   svg.append(path);
-  button.append(svg);
+  text.textContent = word;
+  button.append(svg, text);
   button.addEventListener("click", act);
   return button;
 }
 
 /** @param {import("../app.js").App} app @param {HTMLElement} bar */
 export function mountToolbar(app, bar) {
-  const tools = TOOLS.map(({ name, title }) => makeButton(name, title, () => app.useTool(name)));
-  const drive = makeButton("drive", "Drive the selected robot (d)", () => app.drive?.set(!app.drive.mode));
-  const fit = makeButton("fit", "Show the whole map (f)", () => app.scene?.fit());
-  const follow = makeButton("follow", "Follow the selected robot with the view (Shift+F)", () => toggleFollow(app));
+  const tools = TOOLS.map(({ name, word, title }) => makeButton(name, word, title, () => app.useTool(name)));
+  const drive = makeButton("drive", "Drive", "Drive the selected robot (d)", () => app.drive?.set(!app.drive.mode));
+  const fit = makeButton("fit", "Team", "Keep the team in view (f); Home shows the whole map", () => app.scene?.keepTeam());
+  const follow = makeButton("follow", "Follow", "Follow the selected robot with the view (Shift+F)", () => toggleFollow(app));
   bar.append(...tools, drive, separator(), fit, follow);
 
-  let followed = app.camera.follow;
-  app.store.on("camera", () => {
-    if (followed === app.camera.follow) return;
-    followed = app.camera.follow;
+  let looks = "";
+  app.store.on("camera", ({ follow: robot, placed }) => {
+    if (looks === (looks = `${robot} ${placed}`)) return;
     show();
   });
 
   function show() {
-    const commands = app.store.connection.mayCommand;
-    for (const button of tools) {
-      button.setAttribute("aria-pressed", String(button.dataset.tool === app.tool));
-      button.disabled = !commands && !["select", "measure"].includes(button.dataset.tool ?? "");
+    for (const button of [...tools, drive]) {
+      const why = whyNoTool(app, button.dataset.tool ?? ""),
+        label = button.getAttribute("aria-label") ?? "";
+      // While one drives, that is what the keys are for.
+      button.setAttribute("aria-pressed", String(button.dataset.tool === app.tool && !app.drive?.mode));
+      button.disabled = why !== "";
+      button.title = why ? `${label}. Not now: ${why}` : label;
     }
-    drive.disabled = !commands;
     drive.setAttribute("aria-pressed", String(app.drive?.mode ?? false));
+    fit.setAttribute("aria-pressed", String(!app.camera.placed));
     follow.setAttribute("aria-pressed", String(app.camera.follow >= 0));
   }
-  for (const name of ["tool", "drive", "connection"]) app.store.on(name, show);
+  for (const name of ["tool", "drive", "connection", "team", "selection"]) app.store.on(name, show);
   show();
 }
 

@@ -1,0 +1,101 @@
+"""Files of other programs, named where a world, a map or a team is asked for."""
+
+import gzip
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from zteam.config.resources import find_team
+from zteam.errors import UsageError
+from zteam.navigation.planning.maps import read_map
+from zteam.world import load_world
+
+
+def png() -> bytes:
+    """A picture as a file."""
+    file = io.BytesIO()
+    Image.new("L", (4, 4), 255).save(file, "PNG")
+    return file.getvalue()
+
+
+def packed() -> bytes:
+    """A zip with a world in it."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("a.world", "model ( )")
+    return file.getvalue()
+
+
+SDF = '<?xml version="1.0" ?>\n<!-- by <b>me</b> -->\n<sdf version="1.7"><world name="w"></world></sdf>\n'
+FILES: list[tuple[str | bytes, str]] = [
+    (SDF, "Gazebo .*world new"),
+    (SDF.encode("utf-16"), "Gazebo"),
+    ("\ufeff" + SDF, "Gazebo"),
+    ("<mvsim_world version='1.0'>\n</mvsim_world>", "MVSim"),
+    ('<robot name="r"><link name="base"/></robot>', "URDF.*description"),
+    ('<launch>\n  <node pkg="stage_ros" type="stageros" name="s"/>\n</launch>', "launch file .*team file"),
+    ("from launch import LaunchDescription\ndef generate_launch_description():\n    pass\n", "launch file"),
+    ('<?xml version="1.0"?>\n<!DOCTYPE map SYSTEM "x.dtd">\n<map version="1.10" width="9"></map>', "Tiled.*world new"),
+    ('<svg xmlns="http://www.w3.org/2000/svg"/>', "a drawing.*world new"),
+    ("<!DOCTYPE html>\n<html><body>404</body></html>", "web page.*download"),
+    ("<COLLADA/>", "XML"),
+    ("WorldInfo {\n  gravity 9.81\n}\n", "Webots"),
+    ("  0\nSECTION\n  2\nHEADER\n", "a drawing.*PNG"),
+    ('"""My robot."""\n\nfrom zteam import Behavior\n', "Python.*team file"),
+    ("#VRML_SIM R2023b utf8\nWorldInfo {\n}\n", "Webots"),
+    ("# a lab\nworld:\n  height: 10\nrobot:\n  - kinematics: {name: 'diff'}\nobstacle:\n  - number: 5\n", "IR-SIM"),
+    ("properties: {}\nlayers:\n  - name: '2d'\n    map: 'map.yaml'\nmodels: []\n", "flatland.*image and resolution"),
+    (
+        '# Player\ndriver\n(\n  name "stage"\n  provides [ "simulation:0" ]\n  worldfile "x.world"\n)\n',
+        "Player.*worldfile",
+    ),
+    ('{"world": {}}', "JSON"),
+    (png(), "a picture.*world new .* --resolution"),
+    ("P2 2 1 255\n0 255\n", "a picture.*world new"),
+    (packed(), "unpack"),
+    (gzip.compress(b"model ( )"), "unpack"),
+    (b"%PDF-1.7\n", "a drawing.*PNG"),
+    ("version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+    ("model ( )\n".encode("utf-16-le"), "a binary file"),
+]
+
+
+@pytest.mark.parametrize(("content", "text"), FILES, ids=[text for _, text in FILES])
+def test_a_file_of_another_program_is_told_as_what_it_is(tmp_path: Path, content: str | bytes, text: str) -> None:
+    """Whatever its name is and whatever reads it: one line with the file, what it is, and what to do."""
+    data = content if isinstance(content, bytes) else content.encode()
+    for name, read in (("x.world", load_world), ("x.yaml", load_world), ("x.yaml", read_map), ("x.toml", find_team)):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(UsageError, match=text) as caught:
+            read(tmp_path / name)
+        message = str(caught.value)
+        assert message.startswith(f"{tmp_path / name}: ") and message.count("\n") == 0
+
+
+def test_a_pipe_is_left_to_its_reader(tmp_path: Path) -> None:
+    """Looking into it would take its text away, or wait for one that never comes."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(UsageError, match="no such file"):
+        find_team(tmp_path / "pipe.toml")
+
+
+def test_what_zteam_reads_itself_is_not_foreign(tmp_path: Path) -> None:
+    """A macro may be called `driver`, a map is one of map_server under its own ending only, also as JSON, and no team
+    file at all."""
+    (tmp_path / "a.world").write_text("define driver model ( size [1 1 1] )\ndriver ( pose [0 0 0 0] )\n")
+    assert len(load_world(tmp_path / "a.world").obstacles) == 1
+    Image.new("L", (4, 4), 255).save(tmp_path / "m.png")
+    for name in ("m.yaml", "m.world", "m.toml"):
+        (tmp_path / name).write_text("image: m.png\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    assert load_world(tmp_path / "m.yaml").floorplans[0].cell == (0.1, 0.1)
+    (tmp_path / "j.yaml").write_text('{"image": "m.png", "resolution": 0.2}')
+    assert load_world(tmp_path / "j.yaml").floorplans[0].cell == (0.2, 0.2)
+    for read, name in ((load_world, "m.world"), (find_team, "m.toml")):
+        with pytest.raises(UsageError, match=r"a map of map_server, .*\*\.yaml"):
+            read(tmp_path / name)
+    (tmp_path / "t.toml").write_text('# [world]\n[[robots]]\nid = 0\nbehavior = "wander"\n')
+    assert find_team(tmp_path / "t.toml") == tmp_path / "t.toml"
