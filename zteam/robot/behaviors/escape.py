@@ -45,6 +45,8 @@ NEARER, LEAST_NEARER = 0.5, 0.15
 """Metres that a way leads nearer to the place, if there is such a one, and that it does at least."""
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
+BESIDE = 0.9
+"""Metres from teammates that it leads to then."""
 FAILED_NEAR, FAILED_HEADINGS = 3, 3
 """Cells around the place of a move that did not work, and headings, for which none like it is tried."""
 ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
@@ -119,7 +121,7 @@ def find_moves(
         near = np.argsort(np.abs(_wrap(_ANGLES - pose.yaw)))[:FAILED_HEADINGS]
         x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
         works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
-    left = _left(way, size).ravel()
+    left = _left(way, size, [mate.pose for mate in view.teammates]).ravel()
     start = best = middle * size + middle
     nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
     costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
@@ -165,15 +167,17 @@ def _border(mate: Teammate) -> NDArray[np.float64]:
     return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
-def _left(way: Sequence[Point2], size: int) -> NDArray[np.float64]:
-    """By place (rows from below): what is left from there to the end of the way, over the best of its points."""
+def _left(way: Sequence[Point2], size: int, mates: Sequence[Pose2]) -> NDArray[np.float64]:
+    """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
+    way: less the further away it is, and nothing is won beside teammates, which wait for the robot or come after it."""
+    places = CELL * (np.arange(size) - size // 2)
     if not way:
-        away = CELL * np.hypot(*np.ogrid[-(size // 2) : size // 2 + 1, -(size // 2) : size // 2 + 1])
-        return np.where(away < LEAST_AWAY, 0.0, -NEARER / AWAY * away)
+        away = np.hypot(places, places[:, None])
+        near = [np.hypot(places - mate.x, places[:, None] - mate.y) < BESIDE for mate in mates]
+        return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
     points = np.array(way)
     steps = np.hypot(*np.diff(points, axis=0).T)
     after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-    places = CELL * (np.arange(size) - size // 2)
     off = np.hypot(places[None, :, None] - points[:, 0], places[:, None, None] - points[:, 1])
     found: NDArray[np.float64] = (after + np.where(off < ON_WAY, 0.0, OFF_WAY + OFF_COST * off)).min(axis=2)
     return found
