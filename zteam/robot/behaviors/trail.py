@@ -119,6 +119,8 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
+STALE, REMEMBERED = 1.0, to_ns(90.0)
+"""Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
@@ -392,6 +394,10 @@ class LineMember(Behavior):
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
+        self._led, self._turned = -1, 0
+        """Which robot led its line in the last step, and how often the line had turned."""
+        self._ends: dict[Point2, int] = {}
+        """Where in map its line has turned lately, and when (ns)."""
 
     @property
     def _may_turn(self) -> bool:
@@ -424,9 +430,19 @@ class LineMember(Behavior):
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
         self._trail.note(own)
+        self._note_end(view, own, role)
         # What it does as the other one does not count: to lead, or to follow.
         (self._trail if role.ahead is None else self._head).rest()
         return own
+
+    def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
+        """Remember where the robot was that led the line, if that has turned: there may be no way on."""
+        if role.turns != self._turned and self._led >= 0:
+            at = Seen(own, 0) if self._led == view.robot_id else see_robot(view, self._led, names.MAP_FRAME, STALE)[0]
+            self._ends = {end: since for end, since in self._ends.items() if view.now - since < REMEMBERED}
+            if at is not None:
+                self._ends[at.pose[:2]] = view.now
+        self._turned, self._led = role.turns, role.before[-1] if role.before else view.robot_id
 
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
@@ -434,7 +450,7 @@ class LineMember(Behavior):
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
         self._trail.forget()
-        command, self.reason = self._head.step(view, own, role, speed, turn_rate)
+        command, self.reason = self._head.step(view, own, role, speed, turn_rate, list(self._ends))
         if command is not None:
             return command
         self._head.rest()
