@@ -394,7 +394,7 @@ class LineMember(Behavior):
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
-        self._led, self._turned = -1, 0
+        self._led_by, self._turns_before = -1, 0
         """Which robot led its line in the last step, and how often the line had turned."""
         self._ends: dict[Point2, int] = {}
         """Where in map its line has turned lately, and when (ns)."""
@@ -437,12 +437,12 @@ class LineMember(Behavior):
 
     def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
         """Remember where the robot was that led the line, if that has turned: there may be no way on."""
-        if role.turns != self._turned and self._led >= 0:
-            at = Seen(own, 0) if self._led == view.robot_id else see_robot(view, self._led, names.MAP_FRAME, STALE)[0]
+        if role.turns != self._turns_before and self._led_by >= 0:
+            at = Seen(own, 0) if self._led_by == view.robot_id else see_robot(view, self._led_by, names.MAP_FRAME, STALE)[0]
             self._ends = {end: since for end, since in self._ends.items() if view.now - since < REMEMBERED}
             if at is not None:
                 self._ends[at.pose[:2]] = view.now
-        self._turned, self._led = role.turns, role.before[-1] if role.before else view.robot_id
+        self._turns_before, self._led_by = role.turns, role.before[-1] if role.before else view.robot_id
 
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
