@@ -438,7 +438,11 @@ class LineMember(Behavior):
     def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
         """Remember where the robot was that led the line, if that has turned: there may be no way on."""
         if role.turns != self._turns_before and self._led_by >= 0:
-            at = Seen(own, 0) if self._led_by == view.robot_id else see_robot(view, self._led_by, names.MAP_FRAME, STALE)[0]
+            at = (
+                Seen(own, 0)
+                if self._led_by == view.robot_id
+                else see_robot(view, self._led_by, names.MAP_FRAME, STALE)[0]
+            )
             self._ends = {end: since for end, since in self._ends.items() if view.now - since < REMEMBERED}
             if at is not None:
                 self._ends[at.pose[:2]] = view.now
