@@ -39,7 +39,7 @@ class FileGoal(NamedTuple):
 
 def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
-    root = read_yaml(path, "file of goals", 2 * 2**20, ConfigError, _compose)
+    root = read_yaml(path, "file of goals", 2 * 2**20, ConfigError, load=_compose)
     if root is None or root.id != "sequence" or not root.value:
         raise ConfigError(f"{path}:{_line(root) if root else 1}: a list of goals is expected, such as - {_EXAMPLE}")
     goals, mistakes = list[FileGoal](), list[str]()
