@@ -46,7 +46,7 @@ NEARER, LEAST_NEARER = 0.5, 0.15
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
 BESIDE = 0.9
-"""Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
+"""Metres from teammates, which wait for the robot or come after it, that it leads to then."""
 FAILED_NEAR, FAILED_HEADINGS = 3, 3
 """Cells around the place of a move that did not work, and headings, for which none like it is tried."""
 ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
@@ -92,10 +92,10 @@ def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.b
 
 def find_moves(
     view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]],
-    shunned: Sequence[Point2] = (),
+    shunned: Sequence[tuple[float, float, float]] = (),
 ) -> list[Move]:  # fmt: skip
     """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here, from the
-    teammates and from the places `shunned`. Empty if none do.
+    teammates and from the discs `shunned` (x, y, radius). Empty if none do.
 
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
@@ -122,7 +122,7 @@ def find_moves(
         near = np.argsort(np.abs(_wrap(_ANGLES - pose.yaw)))[:FAILED_HEADINGS]
         x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
         works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
-    left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
+    left = _left(way, size, [*shunned, *((*mate.pose[:2], BESIDE) for mate in view.teammates)]).ravel()
     start = best = middle * size + middle
     nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
     costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
@@ -168,13 +168,13 @@ def _border(mate: Teammate) -> NDArray[np.float64]:
     return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
-def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
+def _left(way: Sequence[Point2], size: int, shunned: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
     """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
-    way: less the further away it is, and nothing is won near places that are `shunned`."""
+    way: less the further away it is, and nothing is won in the discs that are `shunned`."""
     places = CELL * (np.arange(size) - size // 2)
     if not way:
         away = np.hypot(places, places[:, None])
-        near = [np.hypot(places - x, places[:, None] - y) < BESIDE for x, y in shunned]
+        near = [np.hypot(places - x, places[:, None] - y) < radius for x, y, radius in shunned]
         return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
     points = np.array(way)
     steps = np.hypot(*np.diff(points, axis=0).T)
@@ -277,8 +277,8 @@ class Escape:
             self._stuck_at, self._looks_at = None, now + RESTS
         return freed or command
 
-    def leave(self, view: View, shunned: Sequence[Point2] = ()) -> bool:
-        """Whether there is a way away from here, and not to places `shunned` (base frame); `free` then takes it."""
+    def leave(self, view: View, shunned: Sequence[tuple[float, float, float]] = ()) -> bool:
+        """Whether there is a way away from here, and not into discs `shunned` (base frame); `free` then takes it."""
         own = None if view.odom is None else pose2_of(view.odom.pose.pose)
         if own is None:
             return False
@@ -302,7 +302,9 @@ class Escape:
         in_odom = np.array((own.x + cos * hits[0] - sin * hits[1], own.y + sin * hits[0] + cos * hits[1]))
         self._seen = [each for each in self._seen if view.now - each[0] < KEPT] + [(view.now, in_odom)]
 
-    def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
+    def _find(
+        self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[tuple[float, float, float]] = ()
+    ) -> None:
         """Find moves along a way."""
         self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
         x, y = np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]) - np.array(own[:2])[:, None]
