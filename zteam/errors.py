@@ -62,9 +62,13 @@ class EncodeError(ZteamError):
 
 
 def check_call(function: object, arguments: int, text: str) -> None:
-    """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments."""
+    """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments, or if a call would
+    not run it."""
     import inspect
 
+    kinds = inspect.iscoroutinefunction, inspect.isasyncgenfunction, inspect.isgeneratorfunction
+    if any(is_kind(function) for is_kind in kinds):
+        raise UsageError(f"{text}; without 'async' and 'yield': a call of such a function does not run it")
     try:
         # Some built-in functions have no signature: a ValueError.
         with contextlib.suppress(ValueError):

@@ -197,7 +197,7 @@ def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> di
     status = watch.status
     return {
         "robot": client.robot_id,
-        "goal": pose2_of(watch.goal.pose)._asdict(),
+        "goal": {**pose2_of(watch.goal.pose)._asdict(), "frame": watch.goal.header.frame_id},
         "result": watch.result.name.lower() if watch.ended else "sent",
         "text": watch.text,
         "seconds": round(seconds, 3),

@@ -151,15 +151,16 @@ def _show_tree(args: argparse.Namespace) -> None:
         # Without an aggregator, use what was received.
         asked = find_frames(bus)
         frames = asked or listener.buffer.frames()
+    nothing = "" if frames else _nothing(asked is not None, "no frames yet")
     if path is not None:
-        if not frames:
-            raise ZteamError(_nothing(asked is not None, "no frames to draw"))
+        if nothing:
+            raise ZteamError(nothing)
         draw_tree(frames, listener.now, path)
         print_line(f"{path}: {counted(len(_names_in(frames)), 'frame')}")
     elif args.json:
         print_json(frames)
-    elif not frames:
-        print_line(_nothing(asked is not None, "no frames yet"))
+    elif nothing:
+        print_line(nothing)
     else:
         print_block(format_tree(frames, listener.now))
 
@@ -175,6 +176,7 @@ def _show_figures(args: argparse.Namespace) -> None:
             conflicts = bus.ask(names.service_key(names.AGGREGATOR, "conflicts"), list[str])
     authorities = {child: info.authority for child, info in (frames or {}).items()}
     rows = [(figures, authorities.get(figures.child, "unknown")) for figures in watch.figures()]
+    nothing = "" if rows else _nothing(frames is not None, "no moving frame")
     if args.json:
         found = [{**msgspec.to_builtins(figures), "authority": authority} for figures, authority in rows]
         print_json({"frames": found, "conflicts": conflicts})
@@ -189,8 +191,7 @@ def _show_figures(args: argparse.Namespace) -> None:
         )
         for f, name in rows
     ]
-    nothing = _nothing(frames is not None, "no moving frame")
-    print_block(format_table(header, cells, numbers_from=2) if cells else nothing)
+    print_block(nothing or format_table(header, cells, numbers_from=2))
     for conflict in conflicts:
         print_line(f"conflict: {conflict}")
 
@@ -200,7 +201,10 @@ def _ms(seconds: float | None) -> str:
 
 
 def _nothing(has_aggregator: bool, text: str) -> str:
-    return f"{text} (see 'zteam doctor')" if has_aggregator else NO_AGGREGATOR
+    """What is said where there is nothing to show. Raises ZteamError if that is for want of an aggregator."""
+    if not has_aggregator:
+        raise ZteamError(NO_AGGREGATOR)
+    return f"{text} (see 'zteam doctor')"
 
 
 def _show_positions(args: argparse.Namespace) -> None:
@@ -212,12 +216,11 @@ def _show_positions(args: argparse.Namespace) -> None:
             found = _find_positions(listener.buffer.frames(), listener.buffer.lookup_transform)
             # Nothing new comes while the world stands still.
             found = found or _find_positions(find_frames(bus) or (), TransformClient(bus).lookup_transform)
+            nothing = "" if found else _nothing(find_frames(bus) is not None, "no robots")
             if args.json:
                 print_json(found)
-            elif found:
-                print_line(*map(_format_position, found))
             else:
-                print_line(_nothing(find_frames(bus) is not None, "no robots"))
+                print_line(*([nothing] if nothing else map(_format_position, found)))
             if wait is None:
                 return
             wait()

@@ -41,6 +41,7 @@ HEARTBEAT = 1.0
 """Host seconds between two heartbeats."""
 _SEARCH_AFTER = 5.0
 """Host seconds without a message after which a node looks whether anything publishes it."""
+_MAIN = "a function 'def main(node): …'"
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
 """What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
@@ -506,7 +507,9 @@ class Node(ProcessNode):
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
-    """A user's `body(node)`, with a word to the user if it returned without a step, or if zteam needs its name."""
+    """A user's `body(node)`, with a word to the user if it returned without a step, or if zteam needs its name. Raises
+    UsageError for what cannot be called so."""
+    check_call(body, 1, f"{body!r:.60} is no body of a node: {_MAIN}")
 
     def checked(node: Node) -> None:
         if names.is_taken(node.name):
@@ -533,9 +536,9 @@ def run(
     Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
     how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    text = """zteam.run(name, body): write zteam.run("watcher", main) with a function 'def main(node): …'"""
+    text = """zteam.run(name, body): write zteam.run("watcher", main) with """
     try:
-        check_call(body if isinstance(name, str) else None, 1, text)
+        check_call(body if isinstance(name, str) else None, 1, text + _MAIN)
     except UsageError as error:
         log.error("%s: %s", place_in(extract_stack()), error)
         raise SystemExit(error.exit_code) from None

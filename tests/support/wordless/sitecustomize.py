@@ -12,6 +12,7 @@ from typing import Any
 
 KEPT = {
     "messages/cdr.py": "the source of the codec, which Python compiles",
+    "config/foreign_files.py": "patterns of other programs' files",
     "config/toml_values.py": "TOML",
     "bus/options.py": "Zenoh's settings",
     "simulator/world/builder.py": "models in Stage's language",

@@ -83,14 +83,14 @@ def test_the_end_of_a_goal(
 
 def test_json(navigation: FakeNavigation, capsys: pytest.CaptureFixture[str]) -> None:
     """Scripts get one object on standard output, however it ended."""
-    run = Goto("1 3 4 --json", navigation)
+    run = Goto("1 3 4 --frame base_link --json", navigation)
     navigation.say(State.ABORTED, left=2.5, recoveries=3, text="stuck")
     assert run.end() == 1
     told = json.loads(capsys.readouterr().out)
     assert told.pop("seconds") >= 0.0
     assert told == {
-        "robot": 1, "goal": {"x": 3.0, "y": 4.0, "yaw": 0.0}, "result": "failed", "text": "stuck", "recoveries": 3,
-        "distance_remaining": 2.5, "driven_by": "navigation",
+        "robot": 1, "goal": {"x": 3.0, "y": 4.0, "yaw": 0.0, "frame": "base_link"}, "result": "failed",
+        "text": "stuck", "recoveries": 3, "distance_remaining": 2.5, "driven_by": "navigation",
     }  # fmt: skip
 
 

@@ -48,12 +48,16 @@ def test_without_an_aggregator_each_verb_names_it(run: Run, monkeypatch: pytest.
         ("echo map robot_0/base_link --timeout 0.01", 1),
         ("echo map robot_0/base_link --at 5", 1),
         ("echo map robot_0/base_link --once", 1),
-        ("tree", 0),
+        ("tree", 1),
+        ("tree --json", 1),
         ("tree -o tree.png", 1),
-        ("monitor --for 0.01", 0),
-        ("positions", 0),
+        ("monitor --for 0.01", 1),
+        ("monitor --for 0.01 --json", 1),
+        ("positions", 1),
+        ("positions --json", 1),
+        ("positions --rate 10", 1),
     ):
-        (line,) = "".join(run(f"zteam tf {words}", code)).splitlines()
+        (line,) = run(f"zteam tf {words}", code).err.splitlines()
         assert line.endswith(START)
     first, _ = run("zteam tf echo map robot_0/base_link --timeout 0.05", 1).err.splitlines()
     assert first == f"{START} (waiting for it; Ctrl+C to give up)"

@@ -64,6 +64,15 @@ def test_its_step_follows_the_simulators_clock(
     assert resets == ([TICK] if ticks[0] == 500 else [])
 
 
+async def stepping_later(*_: object) -> None:
+    """A call makes a coroutine, which nothing runs."""
+
+
+def yielding(*_: object) -> Iterator[None]:
+    """A call makes a generator, which nothing runs."""
+    yield
+
+
 CALLS: list[tuple[Callable[[Any], object], str]] = [
     (lambda node: node.subscribe("robot_*/odom", Odometry, print), "write 'robot_$*/odom'"),
     (lambda node: node.subscribe("/robot_0/odom", Odometry, print), "write 'robot_0/odom'"),
@@ -74,6 +83,8 @@ CALLS: list[tuple[Callable[[Any], object], str]] = [
     (lambda node: node.watch_tokens("sim/alive/*", lambda key: None), "takes the key and whether"),
     (lambda node: node.run(None), "write node.run(step)"),
     (lambda node: node.run(lambda: None), "def step(now)"),
+    (lambda node: node.run(stepping_later), "without 'async' and 'yield'"),
+    (lambda node: node.run(yielding), "without 'async' and 'yield'"),
     (lambda node: node.run(print, period=-1.0), "period=-1.0): give the seconds"),
     (lambda node: node.run(print, period=math.nan), "period=nan): give the seconds"),
     (lambda node: node.run(print, period="1"), "period='1'): give the seconds"),
@@ -373,11 +384,16 @@ def test_a_type_that_its_key_cannot_carry_is_refused(make: Make, use: Callable[[
         use(make())
 
 
-def test_run_takes_a_name_and_a_function() -> None:
-    """Swapped arguments end with 2."""
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [((lambda node: None, "mine"), "a function 'def main(node): …'"), (("mine", stepping_later), "without 'async'")],
+)
+def test_run_takes_a_name_and_a_function(words: Any, told: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Swapped arguments end with 2, as does a function whose call runs nothing."""
     with pytest.raises(SystemExit) as end:
-        zteam.run(lambda node: None, "mine")  # type: ignore[arg-type]
+        zteam.run(*words)
     assert end.value.code == 2
+    assert told in caplog.text
 
 
 def test_a_clock_that_comes_at_once_is_taken(

@@ -133,7 +133,7 @@ class PlannerServerOptions(CheckedOptions, frozen=True):
     planner_plugins: _Names = ()
     planner_plugin: str = "GridBased"
     expected_planner_frequency: NotNegative = 1.0
-    """Plans a second while the robot drives; 0, which expects none in Nav2, is 1."""
+    """Plans a second while the robot drives, one at most by a parameter file; 0, which expects none in Nav2, is 1."""
 
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -152,8 +152,8 @@ class WindowOptions(CheckedOptions, frozen=True):
     """Metres, of the local costmap alone."""
     robot_radius: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_EXTENT)] | None = None
     """Metres; with neither it nor `footprint`, the outline is that of `base_info`."""
-    footprint: str = ""
-    """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"; "[]" is none."""
+    footprint: Any = ""
+    """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"; "[]" is none. `outline` reads it."""
     footprint_padding: NotNegative = 0.03
     """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
     direction."""
@@ -166,14 +166,15 @@ class WindowOptions(CheckedOptions, frozen=True):
         """The outline that is given, or else that of the base. Raises ValueError."""
         try:
             # JSON has no `.21`, `1.` and `+0.2`.
-            corners = json.loads(_NUMBER.sub(lambda found: repr(float(found[0])), self.footprint or "[]"))
-        except (ValueError, RecursionError):
-            corners = self.footprint
+            given = "[]" if self.footprint == "" else self.footprint
+            corners = json.loads(_NUMBER.sub(lambda found: repr(float(found[0])), given))
+        except (TypeError, ValueError, RecursionError):
+            corners = ""
         if corners == [] and self.robot_radius:
             return make_circle(self.robot_radius, self.footprint_padding)
         if corners != [] and problems_of({"footprint": corners}, BaseOverride):
-            example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
-            raise KeyValueError("footprint", f"{self.footprint!r:.60}: give corners in metres, such as {example}")
+            example = """in quotes, such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]\""""
+            raise KeyValueError("footprint", f"{self.footprint!r:.60}: give corners in metres, {example}")
         return make_footprint(corners or base.footprint, self.footprint_padding)
 
 
@@ -271,6 +272,10 @@ def navigation_of_robot(
         if not given:
             there = ", ".join(dict.fromkeys(name for name, _ in nodes)) or "none"
             notes.append(f"{file}: nothing in it applies to {names.robot_name(robot_id)}: its nodes are {there:.200}")
+        server = given.get("planner_server", {})
+        if isinstance(hertz := server.get("expected_planner_frequency"), int | float) and hertz > 1.0:
+            # In Nav2 only a slower planner is warned of: its default tree asks for a path once a second.
+            server["expected_planner_frequency"] = 1.0
     own: Tables = {OWN: {}}
     for key, value in table.items():
         if isinstance(value, Mapping):

@@ -12,6 +12,7 @@ from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import look_in, read_anew
+from zteam.team.arguments import checks_arguments
 from zteam.team.file.reading import read_team_file, set_map_resolution
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("zteam")
 
 
+@checks_arguments("")
 def run_team(
     team: str | Path,
     *,

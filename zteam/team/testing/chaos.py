@@ -9,11 +9,13 @@ from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.monitor.observer import Motion
 from zteam.simulator.faults import is_simulated
+from zteam.team.arguments import checks_arguments
 from zteam.team.chaos.carry_out import Outcome, Watchdog, carry_out
 from zteam.team.chaos.means import Means, strike
 from zteam.team.testing.watch import TeamFailure, Watch
 
 
+@checks_arguments("team.chaos.")
 class TeamChaos:
     """Each call raises TeamFailure if the team does not recover, or if a robot moves on without commands."""
 

@@ -39,13 +39,9 @@ def robot_tables(
     ids = list(range(ids) if isinstance(ids, int) else ids)
     if not ids:
         raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
-    for name, given in (("follow", follow), ("params", params)):
-        if not isinstance(given, Mapping):
-            example = "{1: 0}, where robot 1 follows robot 0" if name == "follow" else '{0: {"speed": 0.2}}'
-            raise UsageError(f"team.start: {name} is {given!r:.60}: give a dict by robot, as {example}")
-        for i in given:
-            if i not in ids:
-                raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
+    for name, i in [*(("follow", i) for i in follow), *(("params", i) for i in params)]:
+        if i not in ids:
+            raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
     return [
         {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
         for i in ids

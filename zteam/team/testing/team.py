@@ -8,7 +8,6 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 import copy
 import itertools
 import logging
-import math
 import os
 import signal
 import subprocess
@@ -34,6 +33,7 @@ from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, SimulatorClient
+from zteam.team.arguments import checks_arguments
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
@@ -66,6 +66,7 @@ TEST = "test"
 numbers = itertools.count(1)
 
 
+@checks_arguments("team.")
 class TeamFixture:
     """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose. The router
     is started when it is needed."""
@@ -112,10 +113,8 @@ class TeamFixture:
         """What a process has written so far."""
         return self._watch.lines(name)
 
-    def _need_team(self, call: str, given: object = 0.0, wanted: str = "") -> None:
-        """Raise UsageError for what is no number from 0, and before anything was opened: nothing would ever happen."""
-        if not (isinstance(given, float | int) and 0.0 <= given < math.inf):
-            raise UsageError(f"team.{call}({given!r:.60}): give {wanted}")
+    def _need_team(self, call: str) -> None:
+        """Raise UsageError before anything was opened: nothing would ever happen."""
         if self._run.state is RunState.NEW:
             raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
@@ -467,12 +466,12 @@ class TeamFixture:
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
-        self._need_team("run", seconds, "the seconds of simulated time that are to pass, 0 or more")
+        self._need_team("run")
         self._watch.run(seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
-        self._need_team("at", tick, "the tick at which the world is to stand")
+        self._need_team("at")
         if not self._watch.interval:
             raise UsageError("at() needs lock-step: in real time no tick is waited for")
         if tick < self.tick:
@@ -485,7 +484,7 @@ class TeamFixture:
         real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute of
         the host fails too."""
         check_call(condition, 0, f"team.until({condition!r:.60}, …): {_CONDITION}")
-        self._need_team("until", within, "with `within` the simulated seconds that it may take, 0 or more")
+        self._need_team("until")
         self._watch.until(condition, within)
 
 

@@ -89,6 +89,14 @@ def test_a_table_of_a_team_file_replaces_values_of_the_file(tmp_path: Path) -> N
     assert found.pursuit.desired_linear_vel == 1.0
 
 
+@pytest.mark.parametrize(("in_file", "own", "hertz"), [(20.0, None, 1.0), (0.5, None, 0.5), (20.0, 5.0, 5.0)])
+def test_a_file_of_nav2_plans_once_a_second(tmp_path: Path, in_file: float, own: float | None, hertz: float) -> None:
+    """At most: there the frequency is a threshold for a warning. A table of the team's own counts as it is."""
+    text = f"planner_server: {{ros__parameters: {{expected_planner_frequency: {in_file}}}}}"
+    tables = {} if own is None else {"planner_server": {"expected_planner_frequency": own}}
+    assert read(tmp_path, text, **tables).planner_server.expected_planner_frequency == hertz
+
+
 def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
     """Sorted, with their nodes; the plugins that are here, and the lists of plugins, are known."""
     (tmp_path / "nav2_params.yaml").write_text(NAV2)
@@ -118,6 +126,14 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
         (
             'local_costmap: {local_costmap: {ros__parameters: {footprint: "round"}}}',
             "local_costmap.footprint: 'round': give corners in metres",
+        ),
+        (
+            "local_costmap: {local_costmap: {ros__parameters: {footprint: [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]}}}",
+            'give corners in metres, in quotes, such as "[[0.2, 0.2], ',
+        ),
+        (
+            "planner_server: {ros__parameters: {expected_planner_frequency: fast}}",
+            "planner_server.expected_planner_frequency: a number is expected",
         ),
         (
             "controller_server: {ros__parameters: {FollowPath: {plugin: dwb}}}",

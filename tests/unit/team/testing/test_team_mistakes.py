@@ -3,8 +3,10 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
+from zteam import run_team
 from zteam.errors import UsageError
 from zteam.testing import Team
 
@@ -20,6 +22,11 @@ def idle() -> Iterator[Team]:
 def start(robots: Any, **how: Any) -> Callable[[Team], object]:
     """Asks for a team in the arena."""
     return lambda team: team.start("arena", robots, **how)
+
+
+def yielding(_node: object) -> Iterator[None]:
+    """A call makes a generator, which nothing runs."""
+    yield
 
 
 def start_twice(team: Team) -> None:
@@ -45,15 +52,43 @@ MISTAKES: list[tuple[Callable[[Any], object], str]] = [
     (start(1, in_process=True, chaos=True), "leave in_process out"),
     (start(2, follow=[0]), "follow is [0]: give a dict by robot, as {1: 0}"),
     (start(2, params=[0.2]), "params is [0.2]: give a dict by robot"),
-    (lambda team: team.run("5"), "team.run('5'): give the seconds"),
-    (lambda team: team.at("5"), "team.at('5'): give the tick"),
+    (lambda team: team.run("5"), "team.run: seconds is '5': give seconds"),
+    (lambda team: team.at("5"), "team.at: tick is '5': give a tick"),
     (lambda team: team.until(True, within=1), "team.until(True, …): give a function"),
-    (lambda team: team.until(lambda: True, within="1"), "team.until('1'): give"),
+    (lambda team: team.until(lambda: True, within="1"), "team.until: within is '1': give"),
     (lambda team: team.wait_for(1.0), "team.wait_for(1.0): give a function"),
     (start(0), "give at least one robot"),
+    (start(None), "team.start: robots is None: give a number of robots"),
+    (start(2.0), "team.start: robots is 2.0"),
+    (start([[0]]), "team.start: robots is [[0]]"),
+    (start(1, params={0: 3}), "team.start: params is {0: 3}: give a dict by robot"),
+    (start(1, seed="1"), "team.start: seed is '1': give a seed, a whole number"),
+    (start(1, lockstep="no"), "team.start: lockstep is 'no': give True or False"),
+    (start(1, lockstep_timeout="5"), "team.start: lockstep_timeout is '5': give host seconds"),
+    (start(1, nodes=["a"]), "team.start: nodes is ['a']: give a dict by name"),
+    (start(1, nodes={"a": yielding}, in_process=True), "without 'async' and 'yield'"),
+    (start(1, expect="a"), "team.start: expect is 'a': give a list"),
+    (lambda team: team.launch("line", arguments=["a"]), "team.launch: arguments is ['a']: give a dict by name"),
+    (lambda team: team.launch("line", secure=3), "team.launch: secure is 3: give a folder"),
+    (lambda team: team.at(2.5), "team.at: tick is 2.5: give a tick, a whole number"),
+    (lambda team: team.stop(robots=0), "team.stop: robots is 0: give a list of robot ids"),
+    (lambda team: team.release(3), "team.release: robots is 3: give a list of robot ids"),
+    (lambda team: team.robot("robot_0"), "team.robot: robot_id is 'robot_0': give a robot id"),
+    (lambda team: team.wait_for_processes(0), "team.wait_for_processes: processes is (0,): give the names"),
+    *(
+        (lambda _team, given=given: run_team("line", **given), f"run_team: {name} is ")
+        for name, given in (
+            ("seconds", {"seconds": "1"}),
+            ("until", {"until": 2.5}),
+            ("seed", {"until": 2, "seed": "1"}),
+            ("nodes", {"until": 2, "nodes": {"a": 3}}),
+            ("bus", {"until": 2, "bus": "tcp/127.0.0.1:7447"}),
+            ("map_resolution", {"until": 2, "map_resolution": "0.1"}),
+        )
+    ),
     (start_twice, "a test has one team"),
-    (lambda team: team.run(-1), "team.run(-1)"),
-    (lambda team: team.run(float("nan")), "team.run(nan)"),
+    (lambda team: team.run(-1), "team.run: seconds is -1"),
+    (lambda team: team.run(float("nan")), "team.run: seconds is nan"),
     *(
         (call, "call team.start or team.launch first")
         for call in (
@@ -92,3 +127,14 @@ def test_a_test_that_lets_no_time_pass_is_told(idle: Team) -> None:
     assert told in idle.report_log()
     idle.run(0.1)
     assert told not in idle.report_log()
+
+
+def test_numbers_of_numpy_are_numbers(idle: Team) -> None:
+    """A test may take seeds, ids and times from arrays."""
+    idle.start(
+        "arena", np.arange(2), seed=np.int64(3), params={np.int64(1): {"speed": np.float32(0.25)}}, in_process=True
+    )
+    before = idle.now
+    idle.run(np.float32(0.5))
+    idle.stop(robots=range(1))
+    assert idle.now - before == pytest.approx(0.5)
