@@ -227,9 +227,10 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
-NARROW, SAME, MOST_PLACES = 0.8, 0.35, 200
-"""What the shares come to that the walls on either side of a corridor need of a spacing; metres about a place in it in
-which a robot is there; and places that are remembered."""
+SIDE, NARROW = 0.8, 0.8
+"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+SAME, MOST_PLACES = 0.35, 200
+"""Metres about a place in a corridor in which a robot is there, and places that are remembered."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -316,8 +317,9 @@ class Formation(LineMember):
     def __init__(self, params: FormationParams) -> None:
         super().__init__(params)
         self.steering = None
+        self._leads: int = params.leader
         self.leader: int = params.leader
-        """The robot that leads; while it is in a file, the one ahead of it there."""
+        """The robot that leads; and while this one is in a file, the one ahead of it there."""
         self._slots: dict[int, int] = {}
         """The number of each member's slot, by robot id."""
         self._assigned = -1
@@ -333,8 +335,10 @@ class Formation(LineMember):
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
+        if self.params.leader != self._leads:
+            self._leads = self.params.leader
+            self._driven.forget()
         self._leave_file()
-        self._driven.forget()
         # Assign anew at the next look.
         self._slots = {}
 
@@ -349,13 +353,13 @@ class Formation(LineMember):
         return self.gap > 0.0
 
     def missing(self, view: View) -> list[str]:
-        leader, _ = see_robot(view, self.params.leader, names.MAP_FRAME, self.params.stale_after)
-        return [] if leader else [f"the pose of its leader {names.robot_name(self.params.leader)}"]
+        leader, _ = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
+        return [] if leader else [f"the pose of its leader {names.robot_name(self._leads)}"]
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
         here = own_pose(view)
-        leader, self.reason = see_robot(view, self.params.leader, names.MAP_FRAME, self.params.stale_after)
+        leader, self.reason = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
             self._driven.forget()
@@ -366,13 +370,8 @@ class Formation(LineMember):
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         if self.gap:
-            role = self._find_role(view, self.leader)
-            own = self._locate(view, role)
-            return (
-                Twist()
-                if own is None
-                else self._drive_in_line(view, own, role, limits, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
-            )
+            role, speed = self._find_role(view, self.leader), min(HEAD_SPEED, limits.linear)
+            return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
         command, way = self._drive(view, here, slot, target, limits)
         command = self._escape.free(view, command, way)
         if self._escape.is_moving:
@@ -425,18 +424,17 @@ class Formation(LineMember):
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-        leader = self.params.leader
         in_file = {robot: status.leader for robot, status in statuses.items() if status.gap > 0.0}
         told = self.params.team or [
             robot
             for robot, status in statuses.items()
             if status.behavior == "formation"
-            and leader in chain_from(robot, {**in_file, view.robot_id: self.leader, robot: status.leader})
+            and self._leads in chain_from(robot, {**in_file, view.robot_id: self.leader, robot: status.leader})
         ]
         found = {
             robot: pose
             for robot, pose, age, _base in view.teammates
-            if robot in told and robot != leader and (robot in view.team or not view.team) and age < STALE_AFTER
+            if robot in told and robot != self._leads and (robot in view.team or not view.team) and age < STALE_AFTER
         }
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
@@ -496,28 +494,27 @@ class Formation(LineMember):
         ahead[view.robot_id] = self.leader
         chain = chain_from(view.robot_id, ahead)
         is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
-        if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self.params.leader):
+        if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads):
             file = file_behind(self._driven.leader[:2], places)
             rank = file.index(view.robot_id)
-            self.leader = file[rank - 1] if rank else self.params.leader
+            self.leader = file[rank - 1] if rank else self._leads
             self._line = self._line if self.gap else Line()
             self.gap = self.params.spacing
 
     def _leave_file(self) -> None:
-        self.leader, self.follows, self.gap = self.params.leader, None, 0.0
+        self.leader, self.follows, self.gap = self._leads, None, 0.0
 
     def _is_between_walls(self, view: View, here: Pose2) -> bool:
         """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
-        if view.scan is None:
-            return False
         path = self._driven.path
         yaw = 0.0 if self.gap else path.at(path.project(here.x, here.y)).yaw - here.yaw
-        mates, reach = [(mate.pose.x, mate.pose.y) for mate in view.teammates], self.params.spacing
-        left, right = (
-            share_for_room(view.scan, [Pose2(0.0, 0.0, yaw)], mates, reach - right, right, view.base.half_width)
-            for right in (0.0, reach)
-        )
-        return left + right > NARROW and min(left, right) > 0.0
+        mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        shares = [
+            share_for_room(view.scan, [Pose2(0.0, 0.0, yaw)], mates, SIDE - right, right, view.base.half_width)
+            for right in (0.0, SIDE)
+            if view.scan is not None
+        ]
+        return sum(shares) > NARROW and min(shares) > 0.0
 
     def _place(self, slot: Slot) -> Pose2:
         return self._driven.at(self._driven.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))

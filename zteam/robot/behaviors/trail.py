@@ -434,11 +434,11 @@ class LineMember(Behavior):
         (self._trail if role.ahead is None else self._head).rest()
         return own
 
-    def _drive_in_line(
-        self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float
-    ) -> Twist:
+    def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
         """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
-        self.follows = role.ahead
+        self.follows, own = role.ahead, self._locate(view, role)
+        if own is None:
+            return Twist()
         if role.ahead is None:
             return self._lead(view, own, role, speed, turn_rate)
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):

@@ -168,15 +168,11 @@ class Wander(LineMember):
         role = self._find_role(view, None)
         # Alone it drives by its laser, and needs no transforms.
         self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
-        self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
             super().on_release()
-            self._line.turns = 0
+            self._line.turns, self.follows = 0, None
             return self._step_alone(view, view.scan)
-        own = self._locate(view, role)
-        if own is None:
-            return Twist()
-        return self._drive_in_line(view, own, role, LIMITS, self.params.speed, self.params.turn_rate)
+        return self._drive_in_line(view, role, LIMITS, self.params.speed, self.params.turn_rate)
 
     def why_it_rests(self) -> str:
         return super().why_it_rests() if self.params.speed or self.follows is not None else "its parameter speed is 0"
