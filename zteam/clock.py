@@ -186,8 +186,8 @@ def to_seconds(nanoseconds: int) -> float:
     return nanoseconds / NS_PER_S
 
 
-def wait_until(condition: threading.Condition, ready: Callable[[], bool], timeout: float) -> bool:
-    """Wait on `condition` until `ready()`, for at most `timeout` host seconds; return whether it is ready.
+def wait_until(condition: threading.Condition, ready: Callable[[], bool], timeout: float | None) -> bool:
+    """Wait on `condition` until `ready()`, for at most `timeout` host seconds if given; return whether it is ready.
 
     The caller holds the lock of `condition`.
     """

@@ -5,10 +5,11 @@ import string
 import tomllib
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines
+from zteam.config.toml_values import KeyPath, TomlError, key_lines
 
 words = st.text(string.ascii_letters + string.digits + "_-", min_size=1, max_size=4)
 keys = words | st.sampled_from(["a b", "x.y", "", "ü", 'say "x"', "#", "[t]", "a = 1"])
@@ -128,10 +129,13 @@ def test_every_key_has_the_line_it_was_written_on(writer: Writer) -> None:
 
 @given(st.text("[]{}\"'=.#\n\\,0aé-: ", max_size=60))
 def test_what_tomllib_reads_has_lines(text: str) -> None:
-    """Any text has lines or is too deep; where it is TOML, every path has one, within the text."""
+    """Any text has lines, or is too deep or no TOML; where it is TOML, every path has one, within the text."""
     try:
         lines = key_lines(text)
-    except TooDeepError:
+    except TomlError as error:
+        if "quote" in str(error):
+            with pytest.raises(tomllib.TOMLDecodeError):
+                tomllib.loads(text)
         return
     assert all(1 <= line <= text.count("\n") + 1 for line in lines.values())
     try:

@@ -12,7 +12,7 @@ from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.kernels.simulator import follow
-from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
+from zteam.messages import LaserScan, Odometry, Quaternion, Twist
 from zteam.robot.trials import situations
 from zteam.robot.view import FindPose
 from zteam.sim import Engine
@@ -38,7 +38,7 @@ _THIN = 1e-9
 
 def make_scan(ranges: Sequence[float] | NDArray[np.float64], stamp: int = TICK, fov: float = FOV) -> LaserScan:
     """A scan of evenly spread beams, 0 to 30 m."""
-    return situations.make_scan(ranges, fov, Header(time_from_ns(stamp), situations.laser_frame(0)))
+    return situations.make_scan(ranges, fov, stamp, 0)
 
 
 def make_view(scan: LaserScan | None = None, *, now: int = TICK, **changes: object) -> View:

@@ -274,10 +274,10 @@ ALONE = (
     _usage("zteam-sim arena --no-gate", "--no-gate needs --lockstep"),
     _usage("zteam-sim arena --expect planner", "--expect needs --lockstep"),
     _usage("zteam-sim arena --gap 1", "--gap: '1' is not FOLLOWER:LEADER, e.g. 1:0"),
-    _refused("zteam-sim arena --gaussian-noise 1e308", "gaussian_noise must be from 0 to 1000"),
-    _refused("zteam-sim arena --odom-alphas 0,0,0,nan", "odom_alphas must be from 0 to 1000"),
+    _refused("zteam-sim arena --gaussian-noise 1e308", "gaussian_noise: a number of at most 1000"),
+    _refused("zteam-sim arena --odom-alphas 0,0,0,nan", "odom_alphas[3]: a number of at least 0"),
     _refused("zteam-sim arena --odom-alphas 0,0,0", "--odom-alphas takes four numbers"),
-    _refused("zteam-sim arena --dazzle-angle inf", "dazzle_angle must be from 0 to"),
+    _refused("zteam-sim arena --dazzle-angle inf", "dazzle_angle: a number of at most 6.28"),
     Mistake("zteam-sim my.world", ("my.world:1:9: this '(' is never closed",), file=("my.world", "position( \n")),
     Mistake("zteam up my.world", ("that is a world", "--world my.world"), file=("my.world", 'position( name "r0" )\n')),
     Mistake(
@@ -320,8 +320,8 @@ ALONE = (
     *(
         Mistake(f"zteam check {name}{spec}", (f"did you mean {meant}",), file=(name, f"{_BEHAVIOR}pass\n"))
         for name, spec, meant in (
-            ("mine.py", "", "mine:Mine?"),
-            ("sub/mine.py", "", "mine:Mine, with the folder on the path (--path sub)?"),
+            ("mine.py", "", "mine:CLASS?"),
+            ("sub/mine.py", "", "mine:CLASS, with the folder on the path (--path sub)?"),
             ("sub/mine.py", ":Mine", "mine:Mine, with the folder on the path (--path sub)?"),
         )
     ),

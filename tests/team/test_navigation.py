@@ -1,5 +1,6 @@
 """`zteam-nav` in a team: goals reached, replaced, cancelled and refused; the same run in one process."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,15 +86,14 @@ def test_a_new_goal_replaces_the_old_one_and_a_query_cancels_it(same_team: TeamF
     assert nav.state(0) is NavigationState.SUCCEEDED
 
 
-def test_a_goal_that_is_not_finite_is_refused_as_the_tools_send_it(team: TeamFixture, empty_folder: Path) -> None:
-    """`zteam topic pub` with .nan: a reason in the status, the robot stops, and the next goal works."""
+def test_a_goal_that_is_not_finite_is_refused_as_programs_send_it(team: TeamFixture, empty_folder: Path) -> None:
+    """A goal with NaN: a reason in the status, the robot stops, and the next goal works."""
     team.launch(write(empty_folder, FAKE))
     team.wait_for_go()
     nav = NavigatedTeam(team)
     nav.go(0, 3.0, 3.0)
     nav.wait(0, NavigationState.DRIVING, within=1.0)
-    goal = "{header: {frame_id: map}, pose: {position: {x: .nan, y: 1.0}}}"
-    assert team.command("topic", "pub", "--once", "robot_0/goal_pose", "PoseStamped", goal).returncode == 0
+    nav.go(0, math.nan, 1.0)
     nav.wait(0, NavigationState.ABORTED, within=1.0)
     assert nav.newest(0).text.startswith("the goal cannot be read: ")
     assert "not finite" in nav.newest(0).text

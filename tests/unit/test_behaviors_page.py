@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from zteam.behaviors import View
-from zteam.cli.behaviors import default_text, format_behavior, limits_text
+from zteam.cli.behaviors import format_behavior, limits_text, value_text
 from zteam.robot.behaviors.registry import BEHAVIORS, describe_behavior
 from zteam.testing import make_view
 
@@ -33,7 +33,13 @@ def test_the_page_tells_what_a_shipped_behaviour_does_and_takes(name: str) -> No
     """Its section begins with its docstring and a table of its parameters, as the code has them."""
     info = describe_behavior(name)
     cells = [
-        (f"`{each.name}`", default_text(each), each.type, limits_text(each.limits), each.description)
+        (
+            f"`{each.name}`",
+            "required" if each.required else value_text(each.default),
+            each.type,
+            limits_text(each.limits),
+            each.description,
+        )
         for each in info.parameters
     ]
     rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in row) + " |" for row in cells]

@@ -135,12 +135,15 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
     )
 
 
-def _no_host(endpoint: str) -> str:
-    host, port = host_port(endpoint) or ("127.0.0.1", 0)
+def _why_no_session(options: BusOptions) -> str:
+    """Why no session was opened, and what to do; empty where nothing listens."""
+    if port_accepts(options.endpoint):
+        return ": ".join(why_refused(options))
+    host, port = host_port(options.endpoint) or ("", 0)
     try:
         socket.getaddrinfo(host, port)
     except (socket.gaierror, UnicodeError):
-        return f"no host has the name {host!r}: check --connect {endpoint}"
+        return f"no host has the name {host!r}: check --connect {options.endpoint}"
     return ""
 
 
@@ -163,8 +166,7 @@ class Reasons:
         if now < self._next:
             return None
         self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
-        before, listens = self._given, port_accepts(self._options.endpoint)
-        self._given = ": ".join(why_refused(self._options)) if listens else _no_host(self._options.endpoint)
+        before, self._given = self._given, _why_no_session(self._options)
         return None if self._given and self._given == before else self._given
 
 
@@ -223,13 +225,8 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
                 raise BusError(fault)
         waited = monotonic() - start
         if patience is not None and waited > patience:
-            if port_accepts(options.endpoint):
-                raise BusError(": ".join(why_refused(options)))
-            raise BusError(
-                _no_host(options.endpoint)
-                or f"no Zenoh router answers at {options.endpoint}: "
-                f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
-            )
+            way_out = f"start one with 'zteam-router --listen {options.endpoint}', or leave --connect out"
+            raise BusError(_why_no_session(options) or f"no Zenoh router answers at {options.endpoint}: {way_out}")
         if (why := reasons.look()) is not None:
             place = f"{options.endpoint} (Ctrl+C to give up)"
             log.warning("waiting for a Zenoh router at %s", f"{place}: {why}" if why else place)
@@ -249,6 +246,8 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
 
 
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
+    # A mistake in the options starts no router.
+    client_config(options)
     deadline = monotonic() + ON_DEMAND_DEADLINE
     respawn = Every(1.0)
     refused_until = math.inf
@@ -298,8 +297,7 @@ def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], 
 
 
 def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> None:
-    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
-    ever."""
+    """Zenoh tries again for ever, also when a certificate expires or another program takes the router's port."""
     reasons = Reasons(options, _LINK_PATIENCE)
     while lasts():
         if why := reasons.look():

@@ -183,7 +183,8 @@ def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], Graph]:
 def _row(key: str, graph: Graph, survey: Survey) -> KeyRow:
     heard = survey.newest.get(key, {})
     times = sorted(chain.from_iterable(survey.times.get((source, key), ()) for source in heard))
-    row = KeyRow(key, ros_type_of(key), len(times), latched=bool(heard) and not times, sources=[*heard])
+    due = type_of_key(key)
+    row = KeyRow(key, due.ros_type if due else "", len(times), latched=bool(heard) and not times, sources=[*heard])
     if heard:
         sample = max(heard.values(), key=lambda sample: sample.timestamp)
         kind = kind_of(sample)
@@ -204,12 +205,6 @@ def rate_of(times: Sequence[float], elapsed: float) -> float:
 def kind_of(sample: RawSample) -> type[Message] | None:
     """The type of a payload: that of its encoding, else that of its key."""
     return type_of_encoding(sample.encoding) or type_of_key(sample.key)
-
-
-def ros_type_of(key: str) -> str:
-    """The ROS name of the type that a key of zteam carries; empty for other keys."""
-    kind = type_of_key(key)
-    return kind.ros_type if kind else ""
 
 
 def near_keys(key: str, known: Collection[str]) -> str:

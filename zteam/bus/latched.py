@@ -79,7 +79,6 @@ class LatchedSubscription:
         self.tokens: dict[Writer, str] = {}
 
     def receive(self, sample: RawSample, writer: Writer) -> None:
-        """A message came."""
         for reader in list(self.readers):
             reader.receive(sample, writer)
 

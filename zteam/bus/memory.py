@@ -78,11 +78,9 @@ class MemoryHub:
         self.latched: dict[int, RawSample] = {}
 
     def bus(self) -> Bus:
-        """A new session on this hub."""
         return Bus(MemoryTransport(self))
 
     def new_id(self) -> int:
-        """A number for a declaration or a session."""
         return next(self._ids)
 
     def add(self, table: dict[int, _Entry], entry: _Entry) -> Handle:

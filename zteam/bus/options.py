@@ -28,7 +28,6 @@ DEFAULT_TLS_ENDPOINT = "tls/127.0.0.1:7447"
 FROM_STDIN = "-"
 """`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
 process can start and import meanwhile."""
-_WITH_PORT = ("tcp", "tls", "udp", "quic", "ws")
 _ENDPOINT = re.compile(
     r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?P<host>\[?[\w:.%-]*?\]?)(?:(?<!:):(?P<port>[^:?#/\\]*))?[/\\]*"
     r"(?P<rest>(?:[?#].*)?)"
@@ -215,16 +214,12 @@ def default_endpoint(tls: TlsFiles | None) -> str:
 
 
 def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
-    """The endpoint itself, if it can be one. Raises UsageError, with the form that is probably meant: to Zenoh an
-    impossible one only is not there yet."""
-    protocol, _, address = endpoint.partition("/")
-    if tls is not None and protocol in (*_WITH_PORT, "unixsock-stream") and protocol != "tls":
-        raise UsageError(f"endpoint {endpoint!r}: with {TLS_VARIABLES[0]} it must be tls/{address}")
-    if protocol == "unixsock-stream" and address:
+    """The endpoint itself. Raises UsageError with the form that is probably meant, where Zenoh would only wait."""
+    if tls is None and re.match("unixsock-stream/.", endpoint):
         return endpoint
     found = _ENDPOINT.fullmatch(re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'")))
     if found is None:
-        raise UsageError(f"endpoint {endpoint!r}: give one PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
+        raise UsageError(f"endpoint {endpoint!r}: give one PROTOCOL/ADDRESS, such as {default_endpoint(tls)}")
     host, port = found["host"].strip("[]"), found["port"]
     if port is None:
         host, port = ("", host) if host.isdigit() else (host, "7447")
@@ -232,11 +227,14 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
         parse_number(port, 0, 65535, "a port")
     except UsageError as error:
         raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
-    protocol, usual = (found["protocol"] or "").lower(), "tcp" if tls is None else "tls"
-    place = f"[{host}]" if ":" in host else host or "127.0.0.1"
-    meant = f"{protocol if protocol in _WITH_PORT else usual}/{place}:{port}{found['rest']}"
+    protocol, told = (found["protocol"] or "").lower(), "give PROTOCOL/ADDRESS, such as"
+    if tls is not None:
+        protocol, told = "tls", f"with {TLS_VARIABLES[0]} it must be"
+    elif protocol not in ("tcp", "tls", "udp", "quic", "ws"):
+        protocol = "tcp"
+    meant = f"{protocol}/{f'[{host}]' if ':' in host else host or '127.0.0.1'}:{port}{found['rest']}"
     if meant != endpoint:
-        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {meant}")
+        raise UsageError(f"endpoint {endpoint!r}: {told} {meant}")
     return endpoint
 
 
@@ -304,8 +302,7 @@ def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session |
 
 
 def _build(config: str | None, settings: dict[str, Any], *, is_on_demand: bool = False) -> zenoh.Config:
-    """What the file says, and over it the settings. Raises UsageError, also where a process `is_on_demand` at the local
-    router and its file names another one."""
+    """The file's settings, and these over them. Raises UsageError; if `is_on_demand`, also for a file with a router."""
     if config is not None and not Path(config).is_file():
         raise UsageError(f"--config {config}: no such file")
     try:

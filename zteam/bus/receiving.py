@@ -72,8 +72,7 @@ class Receiver:
         self._last: dict[str, _Drop] = {}
 
     def of(self, key: str) -> KeyCount:
-        """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
-        not interrupt an addition."""
+        """The key's count. A receiver adds to it without the lock, which is slow: nothing interrupts an addition."""
         with self._lock:
             count = self._counts.get(key)
             if count is None:
@@ -98,13 +97,11 @@ class Receiver:
     def snapshot(self) -> dict[str, KeyCount]:
         """A copy, sorted by key; the ages of the last drops are those of this moment."""
         with self._lock:
-            return {key: self._told(key, count) for key, count in sorted(self._counts.items())}
-
-    def _told(self, key: str, count: KeyCount) -> KeyCount:
-        last = self._last.get(key)
-        if last is None:
-            return KeyCount(count.received, count.dropped)
-        return KeyCount(count.received, count.dropped, round(monotonic() - last.time, 3), last.reason)
+            told = {key: KeyCount(count.received, count.dropped) for key, count in sorted(self._counts.items())}
+            for key, last in self._last.items():
+                if key in told:
+                    told[key].last_drop_age, told[key].last_drop_reason = round(monotonic() - last.time, 3), last.reason
+            return told
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""

@@ -64,8 +64,7 @@ class RouterMetadata(msgspec.Struct):
 
 
 class ReleaseRequest(msgspec.Struct):
-    """Asks a router on demand for its port. The reply is a list of the sessions that will want another router, or null
-    if it keeps the port."""
+    """Asks a router on demand for its port. The reply: the sessions that will want another one, null if it stays."""
 
     owner: Owner
     """Of the asker."""
@@ -228,8 +227,7 @@ class Router:
             self._changed.notify_all()
 
     def _answer(self, query: zenoh.Query) -> None:
-        """Promise the port to the router of a team of the same user, if no other team is here and the clients can
-        follow."""
+        """Promise the port to a router of the same user if no other team is here and the clients can follow."""
         promised = None
         # The session may be closed meanwhile.
         with suppress(zenoh.ZError), query:
@@ -360,8 +358,7 @@ def open_team_router(options: RouterOptions) -> Router:
 
 
 def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | None:
-    """Ask the router on demand at `endpoint` for its port, and give it a moment to end: the sessions of its clients,
-    None if it keeps the port."""
+    """Ask a router on demand for its port, and give it a moment to end: its clients' sessions, None if it keeps it."""
     # The caller becomes the router: what the first session of a process runs on is settled for good.
     session = try_open(BusOptions(connect=endpoint), "router")
     if session is None:

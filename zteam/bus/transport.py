@@ -62,8 +62,7 @@ _MESSAGE = re.compile(
 
 
 def zenoh_text(error: zenoh.ZError) -> str:
-    """What an error of Zenoh says, on one line: without places in Zenoh's source, with the place in a file that it has
-    read, if it names one."""
+    """What an error of Zenoh says, on one line: with its place in a file that was read, without Zenoh's source."""
     text = " ".join(_SOURCE.sub("", str(error)).split())
     found = _SYNTAX.search(text) or _MESSAGE.search(text)
     if found is None:
@@ -137,8 +136,7 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     """Id of the session that stamped it; empty where there is none. Where another router than zteam's
     makes stamps, a sender that makes none shows as the router."""
     delay: float = 0.0
-    """Host seconds from its stamp to its arrival by the clocks of two hosts, which may differ; 0 where there is no
-    stamp, and in memory."""
+    """Host seconds from its stamp to its arrival, by two hosts' clocks; 0 where there is no stamp, and in memory."""
 
     def sent(self, now: float) -> Sent:
         """When it was sent; it comes at host time `now`."""
@@ -194,7 +192,6 @@ class Handle:
         self.calls = calls
 
     def close(self) -> None:
-        """Take it back; a second call does nothing."""
         calls, self.calls = self.calls, ()
         for each in calls:
             each()
@@ -236,7 +233,6 @@ class Held(Generic[C]):
             before.close()
 
     def close(self) -> None:
-        """Take it back; a second call does nothing."""
         with self._lock:
             self._closed = True
             if self._handle is not None:

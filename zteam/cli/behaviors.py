@@ -66,10 +66,11 @@ def format_behavior(info: BehaviorInfo) -> str:
 
 def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any] | None = None) -> str:
     """A table of the parameters, indented; with `values` their present values, else their defaults."""
+    shown = {each.name: each.default for each in parameters} if values is None else values
     rows = [
         (
             each.name,
-            default_text(each) if values is None else value_text(values.get(each.name)),
+            "required" if values is None and each.required else value_text(shown.get(each.name)),
             each.type,
             limits_text(each.limits),
             each.description,
@@ -78,10 +79,6 @@ def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any]
     ]
     header = ("parameter", "default" if values is None else "value", "type", "allowed", "description")
     return format_table(header, rows, "  ", width=terminal_width())
-
-
-def default_text(parameter: Parameter) -> str:
-    return "required" if parameter.required else value_text(parameter.default)
 
 
 def value_text(value: Any) -> str:

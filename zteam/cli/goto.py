@@ -14,7 +14,7 @@ from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_opt
 from zteam.cli.sim import parse_pose
 from zteam.cli.tables import duration_text
 from zteam.cli.tool_clock import open_clock, still_text
-from zteam.clock import STILL, AutoClock, monotonic, to_seconds
+from zteam.clock import AutoClock, monotonic, to_seconds
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
@@ -105,7 +105,6 @@ def _follow(args: argparse.Namespace, client: NavigationClient, clock: AutoClock
     watch = client.watch
     assert watch is not None
     begin, said = monotonic(), set[str]()
-    moved_at, now = begin, clock.steady()
 
     def is_over() -> bool:
         return watch.ended or (args.no_wait and not client.is_pending)
@@ -127,9 +126,7 @@ def _follow(args: argparse.Namespace, client: NavigationClient, clock: AutoClock
             say_once(f"{client.name} has no navigation: its behaviour go_to drives it, by its laser alone")
         if progress.is_live or (watch.status is not None and waited > PERIOD):
             progress.show(f"{client.name}: {progress_text(client, watch)}")
-        if clock.steady() != now:
-            moved_at, now = monotonic(), clock.steady()
-        elif clock.simulated and monotonic() - moved_at > STILL:
+        if clock.stands and waited > _TELL_AFTER:
             say_once(still_text(clock))
         if args.timeout is not None and waited >= args.timeout and not is_over():
             lack = f" (waiting for {client.waits_for})" if client.is_pending else ""

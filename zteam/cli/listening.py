@@ -11,7 +11,7 @@ from zteam.bus.graph import SURVEY, find_graph, near_keys
 from zteam.bus.transport import problem_of
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import add_option, bus_options
-from zteam.clock import monotonic, wait_until
+from zteam.clock import wait_until
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
@@ -54,14 +54,9 @@ def add_timeout(parser: argparse.ArgumentParser, what: str) -> None:
     add_option(parser, "--timeout", typed=(0.0, MAX_SECONDS, "host seconds"), metavar="S", help=text)
 
 
-def limit_of(args: argparse.Namespace) -> tuple[float | None, bool]:
-    """The time-out that holds, in host seconds, and whether it is that of a script that asks for one message.
-
-    None for no limit. Such a script must not wait for ever, and gets one line.
-    """
-    if args.timeout is None and args.once and not sys.stdout.isatty():
-        return ONCE_LIMIT, True
-    return args.timeout, False
+def limit_of(args: argparse.Namespace) -> float | None:
+    """The time-out in host seconds, None for no limit. A script that asks for one message must not wait for ever."""
+    return ONCE_LIMIT if args.timeout is None and args.once and not sys.stdout.isatty() else args.timeout
 
 
 class Waiter:
@@ -80,18 +75,13 @@ class Waiter:
 
         After 2 s say on stderr that the tool waits for `what`, unless that is empty.
         """
-        start, reported = monotonic(), False
+        first = 2.0 if what and (timeout is None or timeout > 2.0) else timeout
         with self.changed:
-            while not ready():
-                waited = monotonic() - start
-                if timeout is not None and waited >= timeout:
-                    return False
-                if what and waited >= 2.0 and not reported:
-                    reported = True
-                    print_line(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
-                left = 0.5 if timeout is None else min(0.5, timeout - waited)
-                wait_until(self.changed, ready, max(0.0, left))
-        return True
+            is_ready = wait_until(self.changed, ready, first)
+            if is_ready or first == timeout:
+                return is_ready
+            print_line(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
+            return wait_until(self.changed, ready, None if timeout is None else timeout - 2.0)
 
 
 def wait_for_message(
@@ -101,8 +91,8 @@ def wait_for_message(
 
     When no message has come for a while, say on stderr whether anything publishes on `key`, but not in a script.
     """
-    limit, quiet = limit_of(args)
-    first = SURVEY if limit is None or (limit > SURVEY and not quiet) else limit
+    limit = limit_of(args)
+    first = SURVEY if limit is None or (limit > SURVEY and args.timeout is not None) else limit
     if waiter.wait(ready, first, ""):
         return
     if first != limit:

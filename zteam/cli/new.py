@@ -58,25 +58,25 @@ def _run(args: argparse.Namespace) -> None:
     word, name = args.verb, args.name
     words = {"name": name, "kind": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
     texts = {f"{prefix}{name}.py": (TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8") for prefix in ("", "test_")}
-    try:
-        _check_name(word, name, words["kind"], texts[f"{name}.py"])
-        write_files({Path(file): fill(text, words) for file, text in texts.items()})
-    except OSError as error:
-        raise ZteamError(f"cannot write {error.filename or name}: {error.strerror or error}") from None
+    _check_name(word, name, words["kind"], texts[f"{name}.py"])
+    write_files({Path(file): fill(text, words) for file, text in texts.items()})
     print_block(f"wrote {printable(' and '.join(texts))}\n")
     rows = [(fill(command, words), text) for command, text in KINDS[word][1]]
     print_block(format_table(("next", "does"), rows))
 
 
 def write_files(texts: Mapping[Path, str], *, overwrite: bool = False) -> None:
-    """Write these files, or none if one of them exists. Raises UsageError for that, and OSError."""
-    for path in () if overwrite else texts:
-        if path.exists() or path.is_symlink():
-            raise UsageError(f"{path} exists already; choose another name, or remove the file")
-    for path, text in texts.items():
-        # Never over a file that has just come.
-        with path.open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
+    """Write these files, or none if one of them exists. Raises UsageError for that, and ZteamError if it cannot."""
+    try:
+        for path in () if overwrite else texts:
+            if path.exists() or path.is_symlink():
+                raise UsageError(f"{path} exists already; choose another name, or remove the file")
+        for path, text in texts.items():
+            # Never over a file that has just come.
+            with path.open("w" if overwrite else "x", encoding="utf-8") as file:
+                file.write(text)
+    except OSError as error:
+        raise ZteamError(f"cannot write {error.filename or path}: {error.strerror or error}") from None
 
 
 def fill(template: str, words: Mapping[str, object]) -> str:
@@ -102,8 +102,7 @@ def _check_name(word: str, name: str, kind: str, example: str) -> None:
 
 def _is_taken(name: str) -> bool:
     """Whether Python finds another module of this name than one in the current folder."""
-    here = Path().resolve()
-    elsewhere = [folder for folder in sys.path if folder and Path(folder).resolve() != here]
+    elsewhere = [folder for folder in sys.path if folder and not (Path(folder).is_dir() and Path(folder).samefile("."))]
     found = PathFinder.find_spec(name, elsewhere)
     # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
     return name in sys.stdlib_module_names or (found is not None and found.origin is not None)

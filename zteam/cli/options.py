@@ -5,7 +5,6 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 import msgspec
@@ -14,7 +13,7 @@ from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint, check_namespace
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.other_words import commands_called
-from zteam.config.numbers import N, parse_number
+from zteam.config.numbers import parse_number
 from zteam.errors import UsageError, ZteamError, did_you_mean
 from zteam.node.faults import shortage_text
 from zteam.node.leaving import show_name
@@ -26,8 +25,6 @@ S = TypeVar("S", bound=msgspec.Struct)
 
 MAX_RATE = 1e4
 """Hz at which a command can repeat something."""
-FORMATS = ("text", "json")
-"""Values of `--log-format`."""
 _DID_YOU_MEAN = ": did you mean {}?"
 
 
@@ -102,23 +99,18 @@ def _is_assignment(word: str) -> bool:
     return word.partition("=")[0].isidentifier() and "=" in word
 
 
-def number(low: N, high: N, what: str) -> Callable[[str], N]:
-    """The `type` of an option: a number from `low` to `high`, a whole one if these are; an error asks for `what`."""
-    return option_type(lambda text: parse_number(text, low, high, what))
-
-
 def _one_of(text: str, choices: Sequence[str]) -> str:
     if text not in choices:
         raise UsageError(f"{text!r}: give {', '.join(choices)}")
     return text
 
 
-def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
-    """The `type` of an option whose words `parse` reads, or refuses by a UsageError."""
+def option_type(parse: Callable[..., T], *given: object) -> Callable[[str], T]:
+    """The `type` of an option whose words `parse(word, *given)` reads, or refuses by a UsageError."""
 
     def parse_option(text: str) -> T:
         try:
-            return parse(text)
+            return parse(text, *given)
         except UsageError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
 
@@ -134,9 +126,9 @@ def add_option(
     """
     default, text = keywords.get("default"), keywords["help"]
     if "choices" in keywords:
-        keywords["type"] = option_type(partial(_one_of, choices=keywords["choices"]))
+        keywords["type"] = option_type(_one_of, keywords["choices"])
     if typed is not None:
-        keywords["type"] = number(*typed)
+        keywords["type"] = option_type(parse_number, *typed)
     if default and "default" not in text and not isinstance(default, bool):
         keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
     parser.add_argument(*flags, **keywords)
@@ -160,7 +152,7 @@ def add_options(
         if not metas or ((names or texts) and name not in (*names, *texts)):
             continue
         default = field.default if options is kind else getattr(options, name)
-        keywords = {"dest": name, "default": default, "help": texts.get(name, metas[0].description), **metas[0].extra}
+        keywords = {"dest": name, "default": default, "help": texts.get(name, metas[-1].description), **metas[-1].extra}
         flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
         if isinstance(default, bool):
             keywords["action"] = f"store_{not default}".lower()
@@ -257,7 +249,7 @@ def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> 
     add_option(parser, "--log-level", choices=LEVELS, default=default, help=text)
     text = "log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)"
     default = os.environ.get("ZTEAM_LOG_FORMAT", "text")
-    add_option(parser, "--log-format", choices=FORMATS, default=default, help=text)
+    add_option(parser, "--log-format", choices=("text", "json"), default=default, help=text)
 
 
 def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> None:

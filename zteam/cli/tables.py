@@ -80,11 +80,10 @@ def _lines(plain: Any, indent: str, full: bool) -> list[str]:
             for item in value:
                 first, *rest = _lines(item, indent + "  ", full)
                 lines += [f"{indent}- {first.lstrip()}", *rest]
-        elif isinstance(value, list) and len(value) > _SHORT and not full:
-            shown = ", ".join(map(_word, value[:_SHORT]))
-            lines.append(f"{indent}{name}: [{shown}, … ({len(value)} in all)]")
         elif isinstance(value, list):
-            lines.append(f"{indent}{name}: [{', '.join(map(_word, value))}]")
+            shown = value if full else value[:_SHORT]
+            more = "" if len(shown) == len(value) else f", … ({len(value)} in all)"
+            lines.append(f"{indent}{name}: [{', '.join(map(_word, shown))}{more}]")
         else:
             lines.append(f"{indent}{name}: {_word(value)}")
     return lines

@@ -17,7 +17,7 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, still_text
-from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
+from zteam.clock import AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
@@ -93,13 +93,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> in
                 live.show(line)
             shown = line
 
-        def presses() -> Iterator[tuple[list[str], float]]:
-            for keys, now in _presses(terminal, stop):
-                if HELP in keys:
-                    live.print(Clean(HELP_TEXT))
-                yield keys, now
-
-        drive(pilot, wheels, presses(), show)
+        drive(pilot, wheels, _presses(terminal, stop, live), show)
     return 0
 
 
@@ -129,15 +123,12 @@ def _typed(script: Sequence[str], clock: AutoClock, stop: Stop) -> Iterator[tupl
     rate, nag = Rate(to_ns(PERIOD), clock.steady()), Every(math.inf)
     for key in script:
         yield [key], to_seconds(clock.steady())
-        since = monotonic()
         while left := rate.left(now := clock.steady()):
             if stopped.is_set():
                 return
             if not clock.simulated:
                 stopped.wait(to_seconds(left))
-            elif clock.wait_for_change(now, PERIOD):
-                since = monotonic()
-            elif monotonic() - since > STILL and nag.due():
+            elif not clock.wait_for_change(now, PERIOD) and clock.stands and nag.due():
                 print_line(f"teleop: {still_text(clock)}", file=sys.stderr)
         rate.take(clock.steady())
 
@@ -202,8 +193,8 @@ def _write(text: str) -> None:
     sys.stdout.flush()
 
 
-def _presses(terminal: int, stopping: Callable[[], bool]) -> Iterator[tuple[list[str], float]]:
-    """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
+def _presses(terminal: int, stopping: Callable[[], bool], live: LiveLine) -> Iterator[tuple[list[str], float]]:
+    """Keys and the host's time, when a key comes and every _KEYS_PERIOD, until the stop or the terminal's end."""
     decoder, due = KeyDecoder(), monotonic()
     while not stopping():
         # Host time: neither a key nor the next command may wait for the other.
@@ -215,7 +206,10 @@ def _presses(terminal: int, stopping: Callable[[], bool]) -> Iterator[tuple[list
                 return
             if not data:
                 return
-            yield decoder.feed(data), monotonic()
+            keys = decoder.feed(data)
+            if HELP in keys:
+                live.print(Clean(HELP_TEXT))
+            yield keys, monotonic()
         else:
             yield decoder.flush(), monotonic()
             due = monotonic() + _KEYS_PERIOD

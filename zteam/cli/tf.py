@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -30,9 +30,10 @@ from zteam.clock import pause
 from zteam.config.numbers import MAX_SECONDS, counted, format_rate, parse_number
 from zteam.config.problems import problems_of
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.messages import TFMessage, TransformStamped, to_json
+from zteam.geometry import yaw_from_quaternion
+from zteam.messages import TFMessage, TransformStamped, ns_from_time, to_json
 from zteam.node.output import print_block, print_json, print_line
-from zteam.transforms import Buffer, FrameInfo, TransformException
+from zteam.transforms import FrameInfo, TransformException
 from zteam.transforms.client import (
     MAX_COORDINATE,
     StaticReply,
@@ -42,6 +43,7 @@ from zteam.transforms.client import (
     find_frames,
 )
 from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
+from zteam.transforms.rigid import floats_of
 from zteam.transforms.statistics import TransformWatch
 
 NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
@@ -82,15 +84,15 @@ def build_parser() -> Parser:
 
 def _echo(args: argparse.Namespace) -> None:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    limit, quiet = limit_of(args)
+    limit = limit_of(args)
 
     def show(transform: TransformStamped) -> None:
         print_json(to_json(transform)) if args.json else print_block(format_transform(transform))
 
     with open_bus(args) as bus:
         if args.at is not None:
-            # Ask the aggregator for the past: this process has received nothing of it.
-            show(_ask_past(bus, target, source, args))
+            # This process has received nothing of the past.
+            show(_ask(bus, target, source, round(args.at * 1e9), args.timeout or 0.0))
             return
         waiter = Waiter()
         listener = TreeListener(bus, waiter.notify)
@@ -99,17 +101,18 @@ def _echo(args: argparse.Namespace) -> None:
             return listener.buffer.can_transform(target, source, 0)[0]
 
         if not waiter.wait(is_known, SURVEY if limit is None else min(SURVEY, limit), ""):
-            # Of a publisher that has ended, the aggregator still knows the last transform.
-            last = _find_last(bus, target, source)
-            if isinstance(last, TransformStamped):
-                show(last)
+            try:
+                # Of a publisher that has ended, the aggregator still knows the last transform.
+                show(_ask(bus, target, source))
                 if args.once:
                     return
-                last = "nothing newer has come"
-            if not quiet and (limit is None or limit > SURVEY):
-                print_line(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
+                why = "nothing newer has come"
+            except ZteamError as error:
+                why = str(error)
+            if limit is None or (limit > SURVEY and args.timeout is not None):
+                print_line(f"{why} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
             if not waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
-                raise ZteamError(f"no transform within {limit:g} s: {last}")
+                raise ZteamError(f"no transform within {limit:g} s: {why}")
         wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             show(listener.buffer.lookup_transform(target, source, 0))
@@ -118,32 +121,24 @@ def _echo(args: argparse.Namespace) -> None:
             wait()
 
 
-def _find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
-    """The aggregator's newest transform between two frames; or why there is none."""
-    frames = find_frames(bus)
-    if frames is None:
-        return NO_AGGREGATOR
-    known = _names_in(frames)
-    if missing := [frame for frame in (target, source) if frame not in known]:
-        return "; ".join(f"frame {frame!r} does not exist{near_keys(frame, known)}" for frame in missing) + _SEE_TREE
+def _ask(bus: Bus, target: str, source: str, time: int = 0, timeout: float = 0.0) -> TransformStamped:
+    """The aggregator's transform between two frames at a time (ns; 0 = newest). Raises ZteamError that says why not."""
     try:
-        return TransformClient(bus).lookup_transform(target, source)
+        return TransformClient(bus).lookup_transform(target, source, time, timeout)
     except (TransformException, BusError) as error:
-        return str(error).strip() + _SEE_TREE
+        frames, why = find_frames(bus), str(error).strip()
+    if frames is None:
+        raise ZteamError(NO_AGGREGATOR)
+    known = _names_in(frames)
+    missing = [
+        f"frame {name!r} does not exist{near_keys(name, known)}" for name in (target, source) if name not in known
+    ]
+    raise ZteamError(("; ".join(missing) or why) + _SEE_TREE)
 
 
 def _names_in(frames: Mapping[str, FrameInfo]) -> set[str]:
     """The frames of a tree, its roots included."""
     return {*frames, *(info.parent for info in frames.values())}
-
-
-def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> TransformStamped:
-    try:
-        return TransformClient(bus).lookup_transform(target, source, round(args.at * 1e9), args.timeout or 0.0)
-    except BusError:
-        if find_frames(bus) is None:
-            raise ZteamError(NO_AGGREGATOR) from None
-        raise
 
 
 def _show_tree(args: argparse.Namespace) -> None:
@@ -186,17 +181,18 @@ def _show_figures(args: argparse.Namespace) -> None:
         return
     header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
     cells = [
-        (f.child, authority, _hz(f.rate), _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)) for f, authority in rows
+        (
+            f.child,
+            name,
+            "-" if f.rate is None else format_rate(f.rate),
+            *map(_ms, (f.jitter, f.mean_delay, f.max_delay)),
+        )
+        for f, name in rows
     ]
-    print_block(
-        format_table(header, cells, numbers_from=2) if cells else _nothing(frames is not None, "no moving frame")
-    )
+    nothing = _nothing(frames is not None, "no moving frame")
+    print_block(format_table(header, cells, numbers_from=2) if cells else nothing)
     for conflict in conflicts:
         print_line(f"conflict: {conflict}")
-
-
-def _hz(rate: float | None) -> str:
-    return "-" if rate is None else format_rate(rate)
 
 
 def _ms(seconds: float | None) -> str:
@@ -213,7 +209,9 @@ def _show_positions(args: argparse.Namespace) -> None:
         pause(SURVEY)
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
-            found = _find_positions(listener.buffer) or _find_positions(_ask_bases(bus))
+            found = _find_positions(listener.buffer.frames(), listener.buffer.lookup_transform)
+            # Nothing new comes while the world stands still.
+            found = found or _find_positions(find_frames(bus) or (), TransformClient(bus).lookup_transform)
             if args.json:
                 print_json(found)
             elif found:
@@ -225,27 +223,23 @@ def _show_positions(args: argparse.Namespace) -> None:
             wait()
 
 
-def _ask_bases(bus: Bus) -> Buffer:
-    """The newest poses of all robots, from the aggregator: nothing new comes while the world stands still."""
-    buffer, client = Buffer(), TransformClient(bus)
-    for child in find_frames(bus) or ():
-        if names.is_robot_frame(child, names.BASE_FOOTPRINT):
-            with suppress(TransformException, BusError):
-                buffer.set_transforms([client.lookup_transform(names.MAP_FRAME, child)], names.TF, 0)
-    return buffer
-
-
-def _find_positions(buffer: Buffer) -> list[dict[str, Any]]:
+def _find_positions(frames: Iterable[str], look_up: Callable[[str, str], TransformStamped]) -> list[dict[str, Any]]:
     """The pose in `map` of every robot that has a base; one without a path to it has a reason, `why`, instead."""
     found = []
-    for child in buffer.frames():
+    for child in frames:
         if names.is_robot_frame(child, names.BASE_FOOTPRINT):
             place: dict[str, Any] = dict.fromkeys(("x", "y", "yaw", "stamp"))
             why = ""
             try:
-                pose, stamp = buffer.lookup_pose2(names.MAP_FRAME, child, 0)
-                place = {**pose._asdict(), "stamp": stamp / 1e9}
-            except TransformException as error:
+                at = look_up(names.MAP_FRAME, child)
+                x, y, _z, *turn = floats_of(at.transform)
+                place = {
+                    "x": x,
+                    "y": y,
+                    "yaw": yaw_from_quaternion(*turn),
+                    "stamp": ns_from_time(at.header.stamp) / 1e9,
+                }
+            except (TransformException, BusError) as error:
                 why = str(error).strip()
             found.append({"robot": child.partition("/")[0], **place, "why": why})
     return sorted(found, key=lambda each: names.robot_id_of(each["robot"]) or 0)
@@ -311,9 +305,7 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     for problem in problems_of(given, StaticTransform):
         raise UsageError(str(problem))
     found = static_transform(msgspec.convert(given, StaticTransform))
-    at, rotation = found.transform.translation, found.transform.rotation
-    turned = (rotation.x, rotation.y, rotation.z, rotation.w)
-    return StaticRequest(found.header.frame_id, found.child_frame_id, caller, at.x, at.y, at.z, *turned)
+    return StaticRequest(found.header.frame_id, found.child_frame_id, caller, *floats_of(found.transform))
 
 
 main = partial(run_tool, build_parser, None)

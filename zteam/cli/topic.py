@@ -71,9 +71,8 @@ def publish(args: argparse.Namespace) -> None:
             raise UsageError(f"{key} carries {heard.partition(';')[2]}, not {kind.ros_type}")
         if times != 1 or holds_time:
             clock = open_clock(bus, args.clock)
-        how = (
-            "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
-        )
+        rate = f"at {args.rate:g} Hz"
+        how = "once" if times == 1 else rate if times is None else f"{times} times {rate}"
         print_line(f"publishing {kind.ros_type} on {key} {how} to {_list_subscribers(bus, key, publisher, graph)}")
         if not publisher.has_subscribers:
             hint = "" if graph.publishers(key) else near_keys(key, graph.known_keys())
@@ -174,7 +173,7 @@ def _echo(args: argparse.Namespace) -> None:
         bus.subscribe_raw(key, on_sample, latched=True)
         wait_for_message(bus, waiter, lambda: bool(queue), args, key)
         while not (_print_sample(queue.popleft(), given, args) and args.once):
-            limit, _ = limit_of(args)
+            limit = limit_of(args)
             if not waiter.wait(lambda: bool(queue), limit, f"a message on {key}"):
                 raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
 

@@ -194,11 +194,10 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     world = check_team(file, find_world(args.world) if args.world else None)
     if args.in_process and not args.bus:
         refuse_nodes(file, "say --bus too, or leave --in-process out")
-    ends_or_paces = (args.run_for, args.until, args.speed) != (None, None, None)
-    if world is None and (ends_or_paces or args.in_process or args.lockstep):
-        raise UsageError(
-            'world = "none" has no simulator: leave --for, --until, --speed, --lockstep and --in-process out'
-        )
+    given = [args.run_for, args.until, args.speed, args.map_resolution, args.lockstep or None, args.in_process or None]
+    if world is None and any(each is not None for each in given):
+        flags = "--for, --until, --speed, --map-resolution, --lockstep and --in-process"
+        raise UsageError(f'world = "none" has no simulator: leave {flags} out')
     resolved = world.resolve() if world else None
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None

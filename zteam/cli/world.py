@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from zteam.cli.options import Parser, add_log_options, add_option, run_tool
-from zteam.config.foreign_files import PICTURE_FILE, refuse_foreign
 from zteam.config.map_files import MAX_RESOLUTION
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
 from zteam.config.simulation_options import Options
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError
 from zteam.geometry import FAR, Pose2
 from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
@@ -26,7 +25,7 @@ from zteam.simulator.world import Robot, World, load_world
 from zteam.simulator.world.builder import ERRATIC
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
-from zteam.simulator.world.placing import MAX_MAP_CELLS, find_misplaced, find_places
+from zteam.simulator.world.placing import find_misplaced, find_places, least_cell
 
 if TYPE_CHECKING:
     from zteam.simulator.core import RobotObservation
@@ -75,31 +74,26 @@ def _new(args: argparse.Namespace) -> int:
 
     picture, metres, robots = args.picture, args.resolution, args.robots
     chosen = args.output or picture
+    if chosen.is_dir():
+        chosen /= picture.name
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
-    if not name.isprintable() or set(name + chosen.stem) & set('"\\'):
-        raise UsageError(f"{picture}: a world file cannot hold a name with a quote: give it another one")
-    refuse_foreign(picture, "a picture", UsageError, PICTURE_FILE)
+    if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\$'):
+        raise UsageError(f"{picture}: world and team files cannot hold a name with a quote or a $: give another")
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
-    places = find_places(occupied, metres, robots)
+    size, places = f"{width:g} x {height:g} m", find_places(occupied, metres, robots)
     if len(places) < robots:
-        text = (
-            f"{picture}: {width:g} x {height:g} m with dark walls, and free room for {len(places)} of {robots} robots"
-        )
+        text = f"{picture}: {size} with dark walls, and free room for {len(places)} of {robots} robots"
         raise UsageError(f"{text}: give another --resolution, or fewer --robots")
-    cell = max(Options().map_resolution, float(f"{1.05 * math.sqrt(width * height / MAX_MAP_CELLS):.2g}"))
     words = {
         "picture": name, "metres": f"{metres:g}", "width": width, "height": height, "x": width / 2, "y": height / 2,
         "erratic": ERRATIC, "robots": "\n".join(f"erratic ( pose [{x!r} {y!r} 0 0] )" for x, y in places),
-        "world": files[0].name, "last": robots - 1, "cell": cell,
+        "world": files[0].name, "last": robots - 1, "cell": max(Options().map_resolution, least_cell(width, height)),
     }  # fmt: skip
     texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
-    try:
-        write_files(texts, overwrite=args.force)
-    except OSError as error:
-        raise ZteamError(f"cannot write {error.filename or chosen}: {error.strerror or error}") from None
-    print_line(f"wrote {' and '.join(map(str, files))}: {width:g} x {height:g} m, {counted(robots, 'robot')}")
+    write_files(texts, overwrite=args.force)
+    print_line(f"wrote {' and '.join(map(str, files))}: {size}, {counted(robots, 'robot')}")
     print_line(f"next: zteam up {quote(str(files[1]))} --view")
     return 0
 
@@ -252,11 +246,10 @@ def _scan(args: argparse.Namespace, world: World) -> None:
         known = ", ".join(map(str, range(len(world.robots)))) or "none"
         raise UsageError(f"--robot {args.robot}: {world.name} has these robots: {known}")
     robots = dict(enumerate(world.robots))
-    robot = robots[args.robot]
     if args.pose is not None:
         x, y, yaw_deg = args.pose
-        robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
-    robots[args.robot] = robot
+        pose = Pose2(x, y, math.radians(yaw_deg))
+        robots[args.robot] = msgspec.structs.replace(robots[args.robot], pose=pose)
     seen = Engine(world, robots=robots).observe().robots[args.robot]
     lasers = [
         {

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.config.foreign_files import MAP_FILE, refuse_foreign
+from zteam.config.foreign_files import MAP_FILE
 from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import existing_file, read_yaml
 from zteam.errors import WorldError
@@ -31,17 +31,15 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a map's cells (nav_msgs/OccupancyGrid)."""
 Grid = NDArray[np.bool_]
 Mode = Literal["trinary", "scale", "raw"]
-Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 
 
 def read_channels(path: Path) -> NDArray[Any]:
     """(rows, columns, channels), 0 to 255, the uppermost row first: grey or colours, then alpha if the picture has it.
 
-    The values of 16-bit pictures are fractions.
-
-    Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
+    The values of 16-bit pictures are fractions. Raises WorldError, without a place, for what is no picture of
+    `_FORMATS`, or has too many pixels.
     """
-    from PIL import Image  # only a world with a bitmap pays for it
+    from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
 
     try:
         with warnings.catch_warnings():
@@ -55,6 +53,8 @@ def read_channels(path: Path) -> NDArray[Any]:
                 return _channels(image)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused") from None
+    except UnidentifiedImageError:
+        raise WorldError(f"cannot read bitmap {path}: it is no PNG, PGM, BMP, JPEG or GIF; save it as a PNG") from None
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 
@@ -107,11 +107,6 @@ class FloorMap(NamedTuple):
         rows, columns = self.cells.shape
         return columns * self.resolution, rows * self.resolution
 
-    @property
-    def map_from_middle(self) -> Pose2:
-        """Pose of the middle of the map, which is a model's origin."""
-        return self.map_from_corner.compose(Pose2(self.size[0] / 2, self.size[1] / 2, 0.0))
-
 
 def is_floor_map(path: Path) -> bool:
     """Whether a file has the suffix of YAML, as map_server's have."""
@@ -132,8 +127,7 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
-    refuse_foreign(path, "a map of map_server", WorldError, MAP_FILE)
-    fields = read_yaml(path, "map", MAX_BYTES, WorldError)
+    fields = read_yaml(path, "map of map_server", MAX_BYTES, WorldError, MAP_FILE)
     if isinstance(fields, dict):
         # YAML 1.1 reads `on` and 1 as other keys than texts.
         fields = {key: value for key, value in fields.items() if isinstance(key, str)}
@@ -162,8 +156,6 @@ def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
     between: Any = UNKNOWN
     if file.mode == "scale":
         between = np.rint((occupancy - file.free_thresh) / (file.occupied_thresh - file.free_thresh) * 100.0)
-    cells = np.where(occupancy < file.free_thresh, FREE, between)
-    cells = np.where(occupancy > file.occupied_thresh, OCCUPIED, cells)
-    if file.mode == "scale" and has_alpha:
-        cells = np.where(alpha < 255, UNKNOWN, cells)
-    return cells.astype(np.int8)
+    is_hidden = (alpha < 255) & (file.mode == "scale" and has_alpha)
+    rules = [is_hidden, occupancy > file.occupied_thresh, occupancy < file.free_thresh]
+    return np.select(rules, [UNKNOWN, OCCUPIED, FREE], between).astype(np.int8)

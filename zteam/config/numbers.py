@@ -9,6 +9,7 @@ from typing import Annotated, TypeVar
 import msgspec
 
 from zteam.errors import UsageError
+from zteam.geometry import FAR
 
 N = TypeVar("N", int, float)
 MAX_SECONDS = 1e9
@@ -16,6 +17,7 @@ MAX_SECONDS = 1e9
 Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1000.0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
 """In SI units: what a robot and its surroundings have."""
+Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
 Count = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]

@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -41,10 +42,7 @@ def from_home(text: str) -> str:
 
 
 def find_world(text: str | Path, folder: Path = Path()) -> Path:
-    """The world file that a user names: a path from `folder`, else a shipped world.
-
-    Raises UsageError with the shipped names.
-    """
+    """The world file that a user names: a path from `folder`, else a shipped world. Raises UsageError."""
     text = from_home(str(text))
     found = existing_file(folder / text) or shipped_world(text)
     if text.endswith(".toml") or (found is None and shipped_team(text)):
@@ -53,12 +51,8 @@ def find_world(text: str | Path, folder: Path = Path()) -> Path:
 
 
 def find_team(text: str | Path, folder: Path = Path()) -> Path:
-    """The team file that a user names: a path from `folder`, else a shipped team.
-
-    Raises UsageError with the shipped names.
-    """
+    """The team file that a user names: a path from `folder`, else a shipped team. Raises UsageError."""
     text = from_home(str(text))
-    refuse_foreign(folder / text, "a team file", UsageError)
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
         raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
@@ -79,40 +73,60 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
     raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
-def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
-    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes."""
+def read_file(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> bytes:
+    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes. With `own`, also
+    for a file of another program (`zteam.config.foreign_files`); those of that kind are none."""
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except (OSError, ValueError) as fault:
         # ValueError: a NUL in the name.
         raise error(f"{path}: cannot read this {what}: {getattr(fault, 'strerror', None) or fault}") from None
+    if own is not None:
+        refuse_foreign(path, data, what, error, own)
     if len(data) > most:
         raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
     return data
 
 
 def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document, in which `5e-2` is a number, as in ROS: to PyYAML it is a text.
+    """The value of a YAML document as ROS reads it: `5e-2` is a number, which to PyYAML is a text, and there are no
+    aliases, by which a short text stands for one without an end.
 
     Raises yaml.YAMLError, ValueError and RecursionError.
     """
     import yaml  # slow to import
 
-    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    class Loader(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+                raise yaml.MarkedYAMLError(problem="write out what the alias stands for", problem_mark=mark)
+            return super().compose_node(parent, index)
+
     number = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
-    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
-    return yaml.load(text, loader)
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    try:
+        return yaml.load(text, Loader)
+    except (LookupError, AttributeError, TypeError):
+        raise ValueError("a value does not fit the tag before it, as in '!!bool 3'") from None
 
 
-def read_yaml(path: Path, what: str, most: int, error: type[UsageError]) -> Any:
-    """The contents of a user's YAML file, of at most `most` bytes. Raises `error`."""
+def read_yaml(
+    path: Path, what: str, most: int, error: type[UsageError], own: str | None = None,
+    load: Callable[[bytes], Any] = load_yaml,
+) -> Any:  # fmt: skip
+    """The contents of a user's YAML file, read as `read_file` does. Raises `error`, with the line if it is known."""
     import yaml
 
+    data = read_file(path, what, most, error, own)
     try:
-        return load_yaml(read_file(path, what, most, error))
+        return load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as fault:
-        raise error(f"{path}: not YAML: {' '.join(str(fault).split()):.200}") from None
+        mark, told = getattr(fault, "problem_mark", None), [getattr(fault, key, "") for key in ("context", "problem")]
+        text = " ".join(filter(None, told)) or str(fault)
+        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
+        raise error(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
 
 
 # Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.

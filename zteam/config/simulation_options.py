@@ -7,20 +7,20 @@ from typing import Annotated, Literal
 import msgspec
 
 from zteam.config.fault import Fault
-from zteam.config.numbers import MAX_SECONDS
+from zteam.config.numbers import MAX_SECONDS, NotNegative, Share
 from zteam.config.option import Seed, option
-from zteam.config.problems import KeyValueError
+from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2
 
 PHYSICS = ("dynamic", "stage", "kinematic")
 """Values of `Options.physics`."""
-CELLS = 1e-4, 1e4
-"""Metres of a cell of the published map, the least and the most."""
+_Angle = Annotated[float, msgspec.Meta(ge=0.0, le=2.0 * math.pi)]
+_Cell = Annotated[float, msgspec.Meta(ge=1e-4, le=1e4)]
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 
 
-class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Options(CheckedOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The defaults are Stage's: exact lasers, and odometry as the world has it. Raises ValueError out of range."""
 
     physics: Annotated[
@@ -31,39 +31,24 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     below_min: Annotated[
         Literal["measured", "-inf", "zero"], option("range of a beam that hits something nearer than range_min")
     ] = "measured"
-    gaussian_noise: Annotated[float, option("noise of all lasers: standard deviation, m", "M", type=float)] = 0.0
+    gaussian_noise: Annotated[NotNegative, option("noise of all lasers: standard deviation, m", "M", type=float)] = 0.0
     proportional_noise: Annotated[
-        float, option("noise of all lasers: standard deviation / range", "SHARE", type=float)
+        NotNegative, option("noise of all lasers: standard deviation / range", "SHARE", type=float)
     ] = 0.0
     odom_alphas: Annotated[
-        tuple[float, float, float, float] | None,
+        tuple[NotNegative, NotNegative, NotNegative, NotNegative] | None,
         option("noise of all odometry (Thrun), e.g. 0.05,0.01,0.02,0.01", "A1,A2,A3,A4"),
     ] = None
     dazzle: Annotated[
         Literal["off", "drop", "max", "short", "scan"], option("interference of lasers that see each other")
     ] = "off"
-    dazzle_angle: Annotated[float, option("angle on either side of the other laser", "RAD", type=float)] = math.radians(
-        2.0
+    dazzle_angle: Annotated[_Angle, option("angle on either side of the other laser", "RAD", type=float)] = (
+        math.radians(2.0)
     )
-    dazzle_probability: Annotated[float, option("share of dazzled scans", "P", type=float)] = 1.0
+    dazzle_probability: Annotated[Share, option("share of dazzled scans", "P", type=float)] = 1.0
     map_resolution: Annotated[
-        float, option("cell size of the published map, metres", "M", typed=(*CELLS, "metres a cell"))
+        _Cell, option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell"))
     ] = 0.05
-
-    def __post_init__(self) -> None:
-        for name, values, high in (
-            ("gaussian_noise", (self.gaussian_noise,), 1000.0),
-            ("proportional_noise", (self.proportional_noise,), 1000.0),
-            ("dazzle_angle", (self.dazzle_angle,), 2.0 * math.pi),
-            ("odom_alphas", self.odom_alphas or (), 1000.0),
-            ("dazzle_probability", (self.dazzle_probability,), 1.0),
-        ):
-            for value in values:
-                if not 0.0 <= value <= high:
-                    raise KeyValueError(name, f"must be from 0 to {high:g}, not {value:g}")
-        if not CELLS[0] <= self.map_resolution <= CELLS[1]:
-            text = "must be from {:g} to {:g} metres a cell, not {:g}".format(*CELLS, self.map_resolution)
-            raise KeyValueError("map_resolution", text)
 
 
 class LockStepOptions(msgspec.Struct, frozen=True):

@@ -27,18 +27,21 @@ _TOKEN = re.compile(
 )
 
 
-class TooDeepError(ValueError):
-    """More than MAX_DEPTH keys on the path of a value; `line` counts from 1."""
+_TOO_DEEP = f"nested too deeply: {MAX_DEPTH} levels are allowed"
 
-    def __init__(self, line: int) -> None:
-        super().__init__(f"nested too deeply: {MAX_DEPTH} levels are allowed")
+
+class TomlError(ValueError):
+    """A mistake that tomllib takes, or tells in its own words; `line` counts from 1."""
+
+    def __init__(self, line: int, text: str) -> None:
+        super().__init__(text)
         self.line = line
 
 
 def key_lines(text: str) -> dict[KeyPath, int]:
     """The line, from 1, of every table and key up to the first mistake in TOML; what a value holds has its key's line.
 
-    Raises TooDeepError.
+    Raises TomlError.
     """
     import tomllib  # Robots import this module for its types, and few read TOML.
 
@@ -67,7 +70,7 @@ def key_lines(text: str) -> dict[KeyPath, int]:
                     paths.append(table)
         for path in paths:
             if len(path) > MAX_DEPTH:
-                raise TooDeepError(line)
+                raise TomlError(line, _TOO_DEEP)
             lines.setdefault(path, line)
     return lines
 
@@ -81,27 +84,27 @@ def _paths(value: Any, path: KeyPath) -> list[KeyPath]:
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """The headers and the pairs of a file, each with its first line. Raises TooDeepError."""
+    """The headers and the pairs of a file, each with its first line. Raises TomlError."""
     line, start, depth, dots = 1, 0, 0, 0
+    last, end = None, 0
     for token in _TOKEN.finditer(text):
         kind = token.lastgroup
         depth += (kind == "open") - (kind == "close")
         if kind != "string":
             dots = dots + 1 if kind == "dot" else 0
         if max(depth, dots + 1) > MAX_DEPTH:
-            raise TooDeepError(line + text.count("\n", start, token.start()))
+            raise TomlError(line + text.count("\n", start, token.start()), _TOO_DEEP)
         if kind == "unclosed":
-            return
+            if last != "string" and text[end : token.start()].strip():
+                # A word without quotes comes before it.
+                return
+            here = line + text.count("\n", start, token.start())
+            raise TomlError(here, "not TOML: the text that begins here has no closing quote")
+        last, end = kind, token.end()
         if kind == "end" and depth <= 0:
             yield line, text[start : token.start()].rstrip("\r")
             line += text.count("\n", start, token.end())
             start, depth = token.end(), 0
-
-
-def open_quote(text: str) -> int | None:
-    """The line, from 1, of the first quote that is never closed; None if there is none."""
-    found = next((token for token in _TOKEN.finditer(text) if token.lastgroup == "unclosed"), None)
-    return None if found is None else 1 + text.count("\n", 0, found.start())
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int | None:
@@ -119,7 +122,7 @@ def parse_value(text: str) -> Any:
     try:
         key_lines(line)
         found = tomllib.loads(line)
-    except (TooDeepError, ValueError):
+    except ValueError:
         # Also a number of thousands of digits.
         return text
     # Further lines would be further keys.

@@ -49,7 +49,7 @@ class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
             raise KeyValueError("footprint", f"must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
         for name in LIMITS:
             if 0.0 < abs(getattr(self, name) or 0.0) < _LEAST:
-                raise KeyValueError(name, f"must be {_LEAST:g} or more, not {getattr(self, name):g}")
+                raise KeyValueError(name, f"must be {_LEAST:g} or more away from 0, not {getattr(self, name):g}")
 
 
 LIMITS = tuple(name for name in BaseOverride.__struct_fields__ if name != "footprint")

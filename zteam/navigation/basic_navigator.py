@@ -28,8 +28,7 @@ _PATIENCE = 3.0
 """Host seconds after which it says what a goal waits for: navigation may speak once a second."""
 _POSE_LIMIT = 5.0
 """Host seconds for navigation to hear an initial pose."""
-_COVARIANCE = np.zeros(36)
-_COVARIANCE[[0, 7, 35]] = 0.25, 0.25, math.radians(15.0) ** 2
+_COVARIANCE = np.diag([0.25, 0.25, 0.0, 0.0, 0.0, math.radians(15.0) ** 2]).ravel()
 _COVARIANCE.flags.writeable = False
 """Of an initial pose: rviz's, half a metre and 15 degrees."""
 

@@ -245,10 +245,6 @@ class NavigationClient:
         with self._changed:
             wait_until(self._changed, ready, limit)
 
-    def _notify(self) -> None:
-        with self._changed:
-            self._changed.notify_all()
-
     def withdraw(self) -> bool:
         """Give up what is not sent yet; returns whether that is the newest goal too."""
         with self._changed:
@@ -307,8 +303,8 @@ class NavigationClient:
                     self.waypoint += 1
             if self._yields:
                 self._follow_other(status)
+            self._changed.notify_all()
         self._flush()
-        self._notify()
 
     def _follow_other(self, status: NavigationStatus) -> None:
         """The robot said something, about the goal of another sender, one's own or a third one."""
@@ -320,8 +316,9 @@ class NavigationClient:
             self._other = None
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
-        self._behavior, self.is_stopped = status.behavior, status.is_stopped
-        self._notify()
+        with self._changed:
+            self._behavior, self.is_stopped = status.behavior, status.is_stopped
+            self._changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
         with self._changed:
@@ -330,4 +327,4 @@ class NavigationClient:
                 self.taker = NAVIGATION
             here = not self.taker or self._holds(self._taking_process)
             self._gone_since = None if here else self._gone_since or monotonic()
-        self._notify()
+            self._changed.notify_all()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from zteam import names
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
-from zteam.config.resources import read_file
+from zteam.config.resources import read_yaml
 from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
@@ -39,17 +39,8 @@ class FileGoal(NamedTuple):
 
 def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
-    import yaml
-
-    data = read_file(path, "file of goals", 2 * 2**20, ConfigError)
-    try:
-        # Not loaded, for YAML makes 8 of `010` and 90 of `1:30`.
-        root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark, text = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error)
-        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
-        raise ConfigError(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
-    if not isinstance(root, yaml.SequenceNode) or not root.value:
+    root = read_yaml(path, "file of goals", 2 * 2**20, ConfigError, load=_compose)
+    if root is None or root.id != "sequence" or not root.value:
         raise ConfigError(f"{path}:{_line(root) if root else 1}: a list of goals is expected, such as - {_EXAMPLE}")
     goals, mistakes = list[FileGoal](), list[str]()
     for node in root.value:
@@ -60,6 +51,13 @@ def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     if mistakes:
         raise ConfigError("\n".join(mistakes))
     return goals
+
+
+def _compose(data: bytes) -> Any:
+    """The nodes of a YAML document: not their values, for YAML makes 8 of `010` and 90 of `1:30`."""
+    import yaml
+
+    return yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
 
 
 def _line(node: Any) -> int:

@@ -159,21 +159,15 @@ def unreturned_calls(dump: str) -> dict[int, str]:
         call = [*takewhile(lambda frame: not is_own(frame.filename), frames)][::-1]
         is_debugged = any(Path(frame.filename).name.startswith(_DEBUGGERS) for frame in stack)
         if call and len(call) < len(frames) and not is_library(call[0].filename) and not is_debugged:
-            found[thread] = _unreturned_text(StackSummary.from_list(call))
+            stack = StackSummary.from_list(call)
+            text = "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
+            found[thread] = f"{call[0].name} has not returned ({place_in(stack)})\n{text}"
     return found
 
 
 def _path(written: str) -> str:
     """A path whose characters beyond ASCII are written as in Python."""
     return re.sub(r"\\x..|\\u.{4}|\\U.{8}", lambda found: chr(int(found[0][2:], 16)), written)
-
-
-def _unreturned_text(stack: StackSummary) -> str:
-    # What an environment has installed is not the user's, unless all of it is.
-    of_user = [frame for frame in stack if not is_library(frame.filename)]
-    now = ([frame for frame in of_user if not frame.filename.startswith(sys.prefix)] or of_user)[-1]
-    text = "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
-    return f"{stack[0].name} has not returned ({now.filename}:{now.lineno})\n{text}"
 
 
 def fault_text(error: BaseException) -> str:
@@ -190,9 +184,11 @@ def fault_text(error: BaseException) -> str:
 
 
 def place_in(stack: StackSummary) -> str:
-    """`file:line: ` of the innermost line in `stack` that is the user's own; empty without one."""
-    mine = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
-    return f"{mine[-1].filename}:{mine[-1].lineno}: " if mine else ""
+    """`file:line` of the innermost line in `stack` that is the user's own; empty without one."""
+    others = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
+    # What an environment has installed is not the user's, unless all of it is.
+    mine = [frame for frame in others if not frame.filename.startswith(sys.prefix)] or others
+    return f"{mine[-1].filename}:{mine[-1].lineno}" if mine else ""
 
 
 def shortage_text(error: BaseException) -> str:

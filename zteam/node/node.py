@@ -1,17 +1,19 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from itertools import count
+from numbers import Real
 from traceback import extract_stack
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
-from zteam.bus.graph import find_graph, unpublished
+from zteam.bus.graph import find_graph, robots_of, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import BusError, UsageError, check_call
@@ -113,9 +115,9 @@ class UserStep:
         """Call the user's step from GO on; in the first tick, which comes again with GO, once."""
         if not self._node.pass_gate(self._node.lacking, due.epoch):
             return None
-        if due.tick is not None and due.now == self._held[0]:
-            return self._held[1]
         if due.tick is not None:
+            if due.now == self._held[0]:
+                return self._held[1]
             if due.tick.tick == 1:
                 # Simulated time begins, perhaps again.
                 self._rate = None
@@ -320,6 +322,8 @@ class Node(ProcessNode):
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
+        if not (isinstance(period, Real) and 0.0 <= period < math.inf):
+            raise UsageError(f"node.run(step, period={period!r}): give the seconds between two steps, such as 0.1")
         self.was_run = True
         status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
@@ -330,7 +334,7 @@ class Node(ProcessNode):
         self.adopt(own.act, own, readiness, status)
         self.become_present()
         waits = ": waiting for the monitor's GO" if gate else ""
-        log.info("node %s, a step every %g s, in lock-step with the next tick%s", self.name, period, waits)
+        log.info("node %s, a step every %g s (in lock-step in the next tick)%s", self.name, period, waits)
         self.drive(self.look)
 
     def adopt(
@@ -375,7 +379,7 @@ class Node(ProcessNode):
         def search() -> None:
             with suppress(BusError):
                 graph = find_graph(self.bus)
-                if graph.robots() and not self.stopping:
+                if robots_of(each.key for each in graph.declarations if each.publishes) and not self.stopping:
                     unheard, self._unheard = self._unheard, set()
                     for key, near in unpublished(graph, unheard).items():
                         # What has no near key may be sent now and then.
@@ -533,7 +537,7 @@ def run(
     try:
         check_call(body if isinstance(name, str) else None, 1, text)
     except UsageError as error:
-        log.error("%s%s", place_in(extract_stack()), error)
+        log.error("%s: %s", place_in(extract_stack()), error)
         raise SystemExit(error.exit_code) from None
     assert body is not None
     chosen = BusOptions.from_environment() if options is None else options

@@ -438,7 +438,7 @@ def run_body(
             if stop.requested:
                 return 0
             place = place_in(traceback.extract_tb(error.__traceback__)) if isinstance(error, UsageError) else ""
-            log.error("%s%s", place, error)
+            log.error("%s", f"{place}: {error}" if place else error)
             return error.exit_code
         except Exception as error:
             # Before the node closes, which may log more.

@@ -165,9 +165,8 @@ class StatusReport:
         state, reason = self._state()[:2]
         # In each step: the reason that holds on and on is not a new one when it has been gone for a moment.
         if self._reasons.admit(reason, self._node.clock.now(), is_known=not logged):
-            log.info(
-                "%s%s", "" if state == messages.RobotState.RUNNING else f"{messages.RobotState.TEXT[state]}: ", reason
-            )
+            told = "" if state == messages.RobotState.RUNNING else f"{messages.RobotState.TEXT[state]}: "
+            log.info("%s%s", told, reason)
         self.publish_change()
 
     def publish_change(self) -> None:

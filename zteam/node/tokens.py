@@ -134,20 +134,25 @@ class CertainTokens:
         if seconds is not None:
             self._waits = True
             # Host time: the world may be held for the process that is gone.
-            timer = threading.Timer(seconds, self._look)  # noqa: TID251
+            timer = threading.Timer(seconds, self._look_again)  # noqa: TID251
             timer.name, timer.daemon = "tokens", True
             timer.start()
 
-    def _look(self) -> None:
+    def _look_again(self) -> None:
         with self._lock:
             self._waits = False
-            for key in self._losses.take_due(monotonic(), GRACE):
+            self.look()
+            self._look_later()
+
+    def look(self, grace: float = GRACE) -> None:
+        """Report the losses that are certain after `grace` host seconds (as `TokenLossFilter.take_due`)."""
+        with self._lock:
+            for key in self._losses.take_due(monotonic(), grace):
                 try:
                     self._callback(key, False)
                 except BusError as error:
                     # The session was closed meanwhile.
                     log.debug("%s", error)
-            self._look_later()
 
 
 class Writers:

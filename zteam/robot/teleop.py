@@ -102,8 +102,8 @@ class Pilot:
         Returns whether the key, and not the repeat of one that is held down, commands the robot.
         """
         if key in SPEED_FACTORS:
-            speed, turn = SPEED_FACTORS[key]
-            self.speed, self.turn = _bounded(self.speed * speed), _bounded(self.turn * turn)
+            speeds = zip((self.speed, self.turn), SPEED_FACTORS[key], strict=True)
+            self.speed, self.turn = (min(max(speed * by, MIN_SPEED), MAX_SPEED) for speed, by in speeds)
         elif key == NEXT:
             self.let_go()
             self.robot_id = self.robot_ids[(self.robot_ids.index(self.robot_id) + 1) % len(self.robot_ids)]
@@ -138,10 +138,6 @@ class Pilot:
         if self.holds:
             commands.append((self.robot_id, self.command(now)))
         return commands
-
-
-def _bounded(speed: float) -> float:
-    return min(max(speed, MIN_SPEED), MAX_SPEED)
 
 
 PERIOD = 0.1

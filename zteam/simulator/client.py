@@ -405,10 +405,8 @@ class SimulatorClient:
         self, x: float, y: float, yaw: float = 0.0, *, model: str = "erratic", robot_id: int | None = None,
         force: bool = False,
     ) -> int:  # fmt: skip
-        """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given.
-
-        Raises BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set.
-        """
+        """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given. Raises
+        BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set."""
         request = SpawnRequest(x, y, yaw, model, robot_id, force=force)
         return self._ask("spawn", SpawnReply, request, timeout=CHANGE_LIMIT).id
 
@@ -473,11 +471,8 @@ def follow_clock(bus: Bus, clock: AutoClock, on_time: Callable[[], None] = lambd
 
 
 def team_clock(bus: Bus) -> AutoClock:
-    """A decided clock: simulated time if a simulator runs, else the host's.
-
-    The simulator itself is asked: a program that has just started has received no `clock` message yet, and receives
-    none while the world is paused.
-    """
+    """A decided clock: simulated time if a simulator runs, else the host's. The simulator itself is asked: a program
+    that has just started has received no `clock` message yet, and receives none while the world is paused."""
     clock = AutoClock()
     subscription = follow_clock(bus, clock)
     now = ask_time(bus)

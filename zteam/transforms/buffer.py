@@ -7,6 +7,7 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 import logging
 import threading
 from collections.abc import Callable, Container, Iterable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from zteam import messages
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, Time, Transform, TransformStamped, Vector3
+from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, TransformStamped, Vector3
 from zteam.names import strip_slash
 from zteam.transforms import errors, tree
 from zteam.transforms.rigid import (
@@ -130,12 +131,8 @@ class Buffer:
     def lookup_transform(self, target_frame: str, source_frame: str, time: int = 0) -> TransformStamped:
         """The pose of `source_frame` in `target_frame` at `time`. Raises tf2's exceptions."""
         with self.lock:
-            stamp, x, y, z, i, j, k, w = self._solve(target_frame, source_frame, time)
-        return TransformStamped(
-            Header(Time(stamp // _NS, stamp % _NS), target_frame),
-            source_frame,
-            Transform(Vector3(x, y, z), Quaternion(i, j, k, w)),
-        )
+            answer = self._solve(target_frame, source_frame, time)
+        return stamped_transform(messages.time_from_ns(answer[0]), target_frame, source_frame, answer[1:])
 
     def lookup_pose2(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int]:
         """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
@@ -235,11 +232,9 @@ class Buffer:
 
     def latest_common_time(self, target_frame: str, source_frame: str) -> int | None:
         """The newest stamp (ns) that all moving edges between two frames have; 0 if none moves, None if unconnected."""
-        with self.lock:
-            try:
-                return self._latest(target_frame, source_frame)
-            except errors.TransformException:
-                return None
+        with self.lock, suppress(errors.TransformException):
+            return self._latest(target_frame, source_frame)
+        return None
 
     def frame(self, child: str) -> FrameInfo | None:
         """The figures of one child frame; None without data."""

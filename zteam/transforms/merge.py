@@ -43,8 +43,6 @@ class Merger:
         self.statics = StaticTransforms(self.buffer, name_of)
         self._conflicts: dict[tuple[str, str, str], str] = {}
         """Texts by child frame, authority and code: each conflict once, however often it happens."""
-        self._read_conflicts = 0
-        """How many of them `take_conflicts` has returned."""
         self._bases: list[TransformStamped] = []
         self._others: list[TransformStamped] = []
         """For the next bundle: the robots' bases, and frames of the user's processes."""
@@ -177,11 +175,6 @@ class Merger:
     def conflicts(self) -> list[str]:
         """All conflicts so far, each reported once, oldest first."""
         return list(self._conflicts.values())
-
-    def take_conflicts(self) -> list[str]:
-        new = self.conflicts()[self._read_conflicts :]
-        self._read_conflicts += len(new)
-        return new
 
     def jump_back(self) -> None:
         """Forget all moving data, because time went back."""

@@ -22,8 +22,8 @@ MAX_BYTES = 8 * 2**20
 _MOVING = ("revolute", "continuous", "prismatic")
 _KINDS = ("fixed", *_MOVING, "floating", "planar")
 """The last two have more than one coordinate: as in ROS, another node has to publish where their children are."""
-_LINE = "line of the file"
-"""The attribute, of a name that no file can have, with the line of an element."""
+_PLACE = "place of an element"
+"""The attribute, of a name that no file can have, with the file and line of an element."""
 
 
 class Joint(NamedTuple):
@@ -86,30 +86,38 @@ def read_description(path: Path) -> Description:
     root = _read_xml(path)
     if root.tag != "robot":
         raise ConfigError(f"{path}: not a URDF file, which is a <robot>, but a <{root.tag:.40}>")
-    links, elements = _by_name(path, root, "link"), _by_name(path, root, "joint")
-    joints, parents = dict[str, Joint](), dict[str, str]()
-    for name, element in elements.items():
-        joint, place = _read_joint(path, element), _place(path, element)
+    elements = dict[tuple[str, str], ElementTree.Element]()
+    for element in root:
+        if element.tag in ("link", "joint"):
+            key = element.tag, element.get("name", "")
+            if not key[1] or key in elements:
+                raise ConfigError(f"{_place(element)}: {'there is another one' if key[1] else 'needs a name'}")
+            elements[key] = element
+    links = [name for tag, name in elements if tag == "link"]
+    joints, above = dict[tuple[str, str], Joint](), dict[tuple[str, str], list[tuple[str, str]]]()
+    for key, element in elements.items():
+        if key[0] == "link":
+            continue
+        joint, place = _read_joint(element), _place(element)
         for link in (joint.parent, joint.child):
-            if link not in links:
+            if ("link", link) not in elements:
                 raise ConfigError(f'{place}: there is no <link name="{link:.60}"/>{did_you_mean(link, links)}')
-        if joint.child in parents:
+        if ("link", joint.child) in above:
             raise ConfigError(f"{place}: link {joint.child!r:.60} hangs on a joint above: a link has one parent")
-        joints[name], parents[joint.child] = joint, joint.parent
-    roots = [name for name in links if name not in parents]
+        joints[key], above["link", joint.child] = joint, [("link", joint.parent)]
+        above[key] = [("joint", joint.mimic[0])] if joint.mimic else []
+    roots = [name for name in links if ("link", name) not in above]
     if len(roots) != 1:
-        line = (links[roots[-1]] if roots else root).get(_LINE)
+        at = (elements["link", roots[-1]] if roots else root).get(_PLACE)
         text = f"a robot has one <link> that hangs on no joint; here: {', '.join(roots) or 'none'}"
-        raise ConfigError(f"{path}:{line}: {text:.200}")
-    leaders = {name: [joint.mimic[0]] if joint.mimic else [] for name, joint in joints.items()}
+        raise ConfigError(f"{at}: {text:.200}")
     try:
-        [*TopologicalSorter({child: [parent] for child, parent in parents.items()}).static_order()]
-        order = [*TopologicalSorter(leaders).static_order()]
+        order = [*TopologicalSorter(above).static_order()]
     except CycleError as error:
         circle = error.args[1]
-        place = _place(path, (links | elements)[circle[0]])
-        raise ConfigError(f"{place}: it hangs on or mimics itself, over {', '.join(circle):.60}") from None
-    return Description(tuple(joints[name] for name in order if name in joints))
+        text = f"it hangs on or mimics itself, over {', '.join(name for _, name in circle):.60}"
+        raise ConfigError(f"{_place(elements[circle[0]])}: {text}") from None
+    return Description(tuple(joints[key] for key in order if key in joints))
 
 
 def _read_xml(path: Path) -> ElementTree.Element:
@@ -127,7 +135,7 @@ def _read_xml(path: Path) -> ElementTree.Element:
         if found or (":" in tag and tag.partition(":")[0] in xacro):
             place, what = f"{path}:{parser.CurrentLineNumber}", [*found, f"<{tag}>"][0]
             raise ConfigError(f"{place}: {what:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
-        builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
+        builder.start(tag, {**attributes, _PLACE: f"{path}:{parser.CurrentLineNumber}"})
 
     def refuse(*_: Any) -> None:
         raise ConfigError(f"{path}:{parser.CurrentLineNumber}: a robot description defines no entities")
@@ -141,23 +149,13 @@ def _read_xml(path: Path) -> ElementTree.Element:
     return builder.close()
 
 
-def _by_name(path: Path, root: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
-    found: dict[str, ElementTree.Element] = {}
-    for element in root.findall(tag):
-        name = element.get("name") or ""
-        if not name or name in found:
-            raise ConfigError(f"{_place(path, element)}: " + ("there is another one" if name else "needs a name"))
-        found[name] = element
-    return found
+def _place(element: ElementTree.Element) -> str:
+    return f"{element.get(_PLACE)}: {element.tag} {element.get('name') or '(without a name)'!r:.60}"
 
 
-def _place(path: Path, element: ElementTree.Element) -> str:
-    return f"{path}:{element.get(_LINE)}: {element.tag} {element.get('name') or '(without a name)'!r:.60}"
-
-
-def _read_joint(path: Path, element: ElementTree.Element) -> Joint:
+def _read_joint(element: ElementTree.Element) -> Joint:
     """A joint; of each kind those of its elements that urdfdom reads."""
-    place, name, kind = _place(path, element), element.get("name", ""), element.get("type", "")
+    place, name, kind = _place(element), element.get("name", ""), element.get("type", "")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if kind not in _KINDS or not parent or not child:
         kinds = f"a type of {', '.join(_KINDS)} (not {kind!r:.40})"

@@ -27,8 +27,8 @@ from studies.study.figures import Bounds, format_study, run_study, summarize
 from studies.study.one_run import Row, Task
 from studies.view.figures import PARTS, format_view, measure_view
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.options import Parser, add_log_options, add_option, number, run
-from zteam.config.numbers import MAX_SECONDS
+from zteam.cli.options import Parser, add_log_options, add_option, option_type, run
+from zteam.config.numbers import MAX_SECONDS, parse_number
 from zteam.config.option import SEEDS
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
@@ -251,8 +251,12 @@ def _steps(args: argparse.Namespace, _say: Say) -> Shown:
 def _add_freezes(parser: argparse.ArgumentParser) -> None:
     _add_rows(parser, "--processes", PROCESSES)
     _add_rows(parser, "--modes", tuple(MODES))
-    parser.add_argument("--seconds", nargs="+", type=number(1.0, 600.0, "seconds"), default=SECONDS, metavar="S")
-    parser.add_argument("--seeds", nargs="+", type=number(0, 2**31, "a seed"), default=(1, 2), metavar="N")
+    parser.add_argument(
+        "--seconds", nargs="+", type=option_type(parse_number, 1.0, 600.0, "seconds"), default=SECONDS, metavar="S"
+    )
+    parser.add_argument(
+        "--seeds", nargs="+", type=option_type(parse_number, 0, 2**31, "a seed"), default=(1, 2), metavar="N"
+    )
 
 
 def _freezes(args: argparse.Namespace, say: Say) -> Shown:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.bus import connect
+from zteam.bus import connect, connection
 from zteam.bus.options import (
     TLS_VARIABLES,
     BusOptions,
@@ -209,3 +209,15 @@ def test_a_file_that_names_a_router_is_not_passed_over(tmp_path: Path) -> None:
         client_config(BusOptions(config=str(path)))
     config = client_config(BusOptions(connect=LOCAL, config=str(path)))
     assert [config.get_json(f"{way}/endpoints") for way in ("connect", "listen")] == [f'["{LOCAL}"]', "[]"]
+
+
+def test_a_mistake_in_the_options_starts_no_router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None that stays behind when the process is refused."""
+    path = tmp_path / "a.json5"
+    path.write_text('{connect: {endpoints: ["tcp/10.0.0.1:7447"]}}')
+    started: list[str] = []
+    monkeypatch.setattr(connection, "port_accepts", lambda _endpoint: False)
+    monkeypatch.setattr(connection, "spawn_router", lambda endpoint, _lease: started.append(endpoint))
+    with pytest.raises(UsageError, match="--connect"):
+        connect(BusOptions(config=str(path)))
+    assert not started

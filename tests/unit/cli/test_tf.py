@@ -181,8 +181,8 @@ def test_in_a_terminal_nothing_limits_the_wait(monkeypatch: pytest.MonkeyPatch) 
     """A user sees what is waited for, and has Ctrl+C; without `--once` a script has no limit either."""
     for terminal, once, limit in ((True, True, None), (False, True, 10.0), (False, False, None)):
         monkeypatch.setattr("sys.stdout.isatty", lambda is_one=terminal: is_one)
-        assert listening.limit_of(argparse.Namespace(timeout=None, once=once))[0] == limit
-        assert listening.limit_of(argparse.Namespace(timeout=3.0, once=once)) == (3.0, False)
+        assert listening.limit_of(argparse.Namespace(timeout=None, once=once)) == limit
+        assert listening.limit_of(argparse.Namespace(timeout=3.0, once=once)) == 3.0
 
 
 def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:

@@ -149,11 +149,12 @@ def test_new_makes_a_world_of_a_picture_that_a_team_runs_in(run: Run, robots: in
 
 
 def test_new_takes_a_large_plan(run: Run) -> None:
-    """The world of 2 x 1 km has a map of cells so large that the team starts; its file may lie elsewhere."""
+    """The world of 2 x 1 km has a map of cells so large that the team starts; its file may lie in another folder."""
     plan().save("plan.png")
     Path("sub").mkdir()
-    run("zteam world new plan.png --resolution 10 -o sub/big.world")
-    assert check_team(read_team_file(Path("sub/big.toml"))) == Path("sub/big.world")
+    for output, name in (("sub/big.world", "big"), ("sub", "plan")):
+        run(f"zteam world new plan.png --resolution 10 -o {output}")
+        assert check_team(read_team_file(Path(f"sub/{name}.toml"))) == Path(f"sub/{name}.world")
 
 
 @pytest.mark.parametrize(
@@ -169,10 +170,11 @@ def test_new_takes_a_large_plan(run: Run) -> None:
         ("none.png --resolution 0.05", "none.png"),
         (". --resolution 0.05", "cannot read bitmap ."),
         ("plan.png --resolution 0.05 -o 'a\"b.world'", "a name with a quote"),
+        ("plan.png --resolution 0.05 -o '${a}.world'", "a name with a quote or a $"),
         ("plan.png --resolution 0.05 -o none/plan.world", "cannot write none/plan.world"),
         ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already"),
         ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),
-        ("m.yaml --resolution 0.05", "m.yaml: this is a map of map_server, not a picture"),
+        ("m.yaml --resolution 0.05", "m.yaml: it is no PNG, PGM, BMP, JPEG or GIF; save it as a PNG"),
     ],
 )
 def test_new_refuses_in_a_line_and_writes_nothing(run: Run, words: str, text: str) -> None:

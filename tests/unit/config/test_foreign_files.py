@@ -12,13 +12,14 @@ from PIL import Image
 from zteam.config.resources import find_team
 from zteam.errors import UsageError
 from zteam.navigation.planning.maps import read_map
+from zteam.team.file.reading import read_team_file
 from zteam.world import load_world
 
 
-def png() -> bytes:
-    """A picture as a file."""
+def picture(kind: str) -> bytes:
+    """A picture as a file of a kind of Pillow's."""
     file = io.BytesIO()
-    Image.new("L", (4, 4), 255).save(file, "PNG")
+    Image.new("L", (4, 4), 255).save(file, kind)
     return file.getvalue()
 
 
@@ -54,7 +55,12 @@ FILES: list[tuple[str | bytes, str]] = [
         "Player.*worldfile",
     ),
     ('{"world": {}}', "JSON"),
-    (png(), "a picture.*world new .* --resolution"),
+    ("# a lab\nworld:  # its size\n  height: 10\n", "IR-SIM"),
+    ("world: {height: 10, width: 10}\r\nrobot: []\r\n", "IR-SIM"),
+    ("<HTML><BODY>404</BODY></HTML>", "web page"),
+    (picture("TIFF"), "a drawing or a picture.*save it as a PNG"),
+    (picture("WEBP"), "a drawing or a picture.*save it as a PNG"),
+    (picture("PNG"), "a picture.*world new .* --resolution"),
     ("P2 2 1 255\n0 255\n", "a picture.*world new"),
     (packed(), "unpack"),
     (gzip.compress(b"model ( )"), "unpack"),
@@ -68,7 +74,8 @@ FILES: list[tuple[str | bytes, str]] = [
 def test_a_file_of_another_program_is_told_as_what_it_is(tmp_path: Path, content: str | bytes, text: str) -> None:
     """Whatever its name is and whatever reads it: one line with the file, what it is, and what to do."""
     data = content if isinstance(content, bytes) else content.encode()
-    for name, read in (("x.world", load_world), ("x.yaml", load_world), ("x.yaml", read_map), ("x.toml", find_team)):
+    readers = ("x.world", load_world), ("x.yaml", load_world), ("x.yaml", read_map), ("x.toml", read_team_file)
+    for name, read in readers:
         (tmp_path / name).write_bytes(data)
         with pytest.raises(UsageError, match=text) as caught:
             read(tmp_path / name)
@@ -94,8 +101,8 @@ def test_what_zteam_reads_itself_is_not_foreign(tmp_path: Path) -> None:
     assert load_world(tmp_path / "m.yaml").floorplans[0].cell == (0.1, 0.1)
     (tmp_path / "j.yaml").write_text('{"image": "m.png", "resolution": 0.2}')
     assert load_world(tmp_path / "j.yaml").floorplans[0].cell == (0.2, 0.2)
-    for read, name in ((load_world, "m.world"), (find_team, "m.toml")):
-        with pytest.raises(UsageError, match=r"a map of map_server, .*\*\.yaml"):
+    for read, name in ((load_world, "m.world"), (read_team_file, "m.toml")):
+        with pytest.raises(UsageError, match=r"a map of map_server, .*named \*\.yaml"):
             read(tmp_path / name)
     (tmp_path / "t.toml").write_text('# [world]\n[[robots]]\nid = 0\nbehavior = "wander"\n')
-    assert find_team(tmp_path / "t.toml") == tmp_path / "t.toml"
+    assert len(read_team_file(tmp_path / "t.toml").team.robots) == 1

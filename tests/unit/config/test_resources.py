@@ -21,6 +21,17 @@ def test_a_number_with_an_exponent_is_a_number_in_yaml(text: str, value: object)
     assert resources.load_yaml(f"key: [{text}]") == {"key": [value]}
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["a: &a {b: *a}", "a: &a [*a]", "a: &a {x: 1}\nb: {<<: *a}", "a: !!bool 3", "a: !!timestamp x", "a: !!int ''"],
+)
+def test_yaml_that_ros_does_not_read_is_refused(tmp_path: Path, text: str) -> None:
+    """In one line: aliases, which may have no end, and values that do not fit their tags."""
+    (tmp_path / "own.yaml").write_text(text)
+    with pytest.raises(UsageError, match=r"^.*own\.yaml(:[12])?: not YAML: [^\n]*$"):
+        resources.read_yaml(tmp_path / "own.yaml", "map", 1000, UsageError)
+
+
 def test_team_files_are_found_by_name() -> None:
     """A shipped team is found with and without its suffix, and only directly in its folder."""
     found = resources.shipped_team("line")

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from zteam.config.toml_values import MAX_DEPTH, TooDeepError, key_lines, line_of, parse_value, toml_text
+from zteam.config.toml_values import MAX_DEPTH, TomlError, key_lines, line_of, parse_value, toml_text
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,31 @@ def test_both_kinds_of_line_break_count(ends: str) -> None:
 )
 def test_depth_is_bounded(text: str) -> None:
     """One level more than MAX_DEPTH is refused with its line, in every notation."""
-    with pytest.raises(TooDeepError, match="nested too deeply") as caught:
+    with pytest.raises(TomlError, match="nested too deeply") as caught:
         key_lines("\n" + text)
     assert caught.value.line == 2 + text.startswith("[a.b]\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ('a = "b\nc = "d"\n', 1),
+        ("a = 1\nb = [\n  'c',\n  'd,\n]\n", 4),
+        ('a = 1\nb = """c\n', 2),
+        ('a = ["b, "c"]\n', 1),
+        ("a = it's\n", None),
+        ("a: 'b\n", None),
+        ("a = = 1\nb = 'c\n", None),
+    ],
+)
+def test_a_quote_that_is_not_closed_has_a_line(text: str, line: int | None) -> None:
+    """That of the text that it begins; any other mistake, or an earlier one, is left to tomllib."""
+    if line is None:
+        assert not {("b",), ("a",)} & set(key_lines(text))
+        return
+    with pytest.raises(TomlError, match="no closing quote") as caught:
+        key_lines(text)
+    assert caught.value.line == line
 
 
 def test_the_allowed_depth_is_read() -> None:

@@ -1,11 +1,15 @@
 """How an error of a user's own code is shown."""
 
+import sys
+from collections.abc import Sequence
+from traceback import FrameSummary, StackSummary
+
 import pytest
 
 from support.log_capture import captured_log
 from zteam.errors import UsageError
 from zteam.names import parse_robot_id
-from zteam.node.faults import fault_text, log_fault, shortage_text
+from zteam.node.faults import fault_text, log_fault, place_in, shortage_text
 
 
 def caught(call: object) -> BaseException:
@@ -19,6 +23,23 @@ def caught(call: object) -> BaseException:
 def deep(text: str) -> int:
     """Code of a user that calls zteam."""
     return parse_robot_id(text)
+
+
+INSTALLED = f"{sys.prefix}/lib/python3/site-packages/planner.py"
+
+
+@pytest.mark.parametrize(
+    ("files", "place"),
+    [
+        (["/me/main.py", fault_text.__code__.co_filename], "/me/main.py:1"),
+        (["/me/main.py", INSTALLED, fault_text.__code__.co_filename], "/me/main.py:1"),
+        ([INSTALLED, fault_text.__code__.co_filename], f"{INSTALLED}:1"),
+        ([fault_text.__code__.co_filename], ""),
+    ],
+)
+def test_the_line_of_an_error_is_the_users_own(files: Sequence[str], place: str) -> None:
+    """The innermost one that is neither zteam's nor, where there is another one, of an installed package."""
+    assert place_in(StackSummary.from_list([FrameSummary(file, 1, "f") for file in files])) == place
 
 
 def test_frames_of_zteam_are_left_out() -> None:

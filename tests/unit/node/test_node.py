@@ -1,5 +1,6 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -73,6 +74,9 @@ CALLS: list[tuple[Callable[[Any], object], str]] = [
     (lambda node: node.watch_tokens("sim/alive/*", lambda key: None), "takes the key and whether"),
     (lambda node: node.run(None), "write node.run(step)"),
     (lambda node: node.run(lambda: None), "def step(now)"),
+    (lambda node: node.run(print, period=-1.0), "period=-1.0): give the seconds"),
+    (lambda node: node.run(print, period=math.nan), "period=nan): give the seconds"),
+    (lambda node: node.run(print, period="1"), "period='1'): give the seconds"),
 ]
 
 
@@ -174,13 +178,15 @@ def test_in_lock_step_its_steps_are_a_period_apart_in_ticks(
 def test_a_node_is_told_of_keys_that_nothing_publishes(
     hub: MemoryHub, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Once, after a while, and not before a team is there: the key that may be meant is named."""
+    """Once, after a while, and not before a team is there, for which others wait too: the key that may be meant is
+    named."""
     for name in ("HEARTBEAT", "_SEARCH_AFTER"):
         monkeypatch.setattr(node_module, name, 0.0)
     node, publisher = make(), hub.bus().publisher(names.CLOCK, Clock)
     for key in ("robot_0/scan", "robot_$*/odomm", "robot_1/odom", "plan"):
         node.subscribe(key, Odometry, lambda _key, _message: None)
     team = hub.bus()
+    team.subscribe("robot_1/odom", Odometry, lambda _key, _message: None)
 
     def script() -> Iterator[None]:
         for tick in range(1, 7):

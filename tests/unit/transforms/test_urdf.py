@@ -165,6 +165,7 @@ XACRO = "is of xacro"
         (robot("x", joint("a", "x", "y")), "joint 'a': there is no <link name=\"y\"/>"),
         (robot("xy", joint("a", "x", "y"), joint("b", "y", "x")), "here: none"),
         (robot("xyz", joint("a", "y", "z"), joint("b", "z", "y")), "link '.': it hangs on or mimics itself"),
+        (robot("xyz", joint("z", "y", "z"), "\n" + joint("y", "z", "y")), ":1: link '.': it hangs on or mimics itself"),
         (robot("xab", mimic("a", "a", "b"), mimic("b", "b", "a")), "joint '.': it hangs on or mimics itself"),
         (robot("xa", mimic("a", "a", "a")), "joint '.': it hangs on or mimics itself"),
     ],
@@ -196,4 +197,4 @@ def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
                 merger.describe(3, described)
         (said,) = merger.statics.message().transforms
         assert (said.child_frame_id, said.transform.translation.x) == ("robot_3/camera", 0.7)
-        assert merger.take_conflicts() == []
+        assert merger.conflicts() == []

@@ -82,8 +82,8 @@ def check_stops(facts: Facts) -> Iterator[Finding]:
     held = set(facts.sim.stopped if facts.sim else ())
     held |= {i for i, status in facts.statuses.items() if status.is_stopped and i in facts.robots}
     if held:
-        noun = "robot" if len(held) == 1 else "robots"
-        yield problem("stop", f"'zteam stop' holds {noun} {format_robot_ids(sorted(held))}", "zteam stop --release")
+        text = f"'zteam stop' holds robot{'s' * (len(held) > 1)} {format_robot_ids(held)}"
+        yield problem("stop", text, "zteam stop --release")
 
 
 def check_readiness(facts: Facts) -> Iterator[Finding]:
@@ -115,12 +115,13 @@ def check_strays(facts: Facts) -> Iterator[Finding]:
 def check_bases(facts: Facts) -> Iterator[Finding]:
     """Robots whose base cannot be used as it is, and frames that hang on nothing."""
     yield from filter(None, (_base_problem(facts, robot_id) for robot_id in facts.robots))
-    frames, due = facts.frames or {}, (names.ODOM, names.BASE_FOOTPRINT)
+    frames = facts.frames or {}
     told = {robot_id for robot_id in facts.robots if _gap(frames, robot_id)}
     # One child of each.
     for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
-        robot_id, local = names.split_robot_key(parent) or (-1, parent)
-        if parent not in {*frames, *names.GLOBAL_FRAMES} and robot_id not in told and local not in due:
+        robot_id, local = names.split_robot_key(parent) or (None, parent)
+        is_told = robot_id is not None and (robot_id in told or local in (names.ODOM, names.BASE_FOOTPRINT))
+        if parent not in {*frames, *names.GLOBAL_FRAMES} and not is_told:
             step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
             step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
             yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
@@ -288,8 +289,7 @@ def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
         yield problem("robots", text, step)
     idle = [i for i in there if i not in facts.robots and names.robot_key(i, names.CMD_VEL) not in facts.writers]
     if idle and facts.alive & {names.MONITOR, *map(names.robot_name, there)}:
-        noun = "robot" if len(idle) == 1 else "robots"
-        text = f"no process drives {noun} {format_robot_ids(idle)} of the world"
+        text = f"no process drives robot{'s' * (len(idle) > 1)} {format_robot_ids(idle)} of the world"
         yield note("robots", text, f"zteam-robot --id {idle[0]}")
 
 

@@ -22,10 +22,9 @@ from zteam.messages.std_msgs import ns_from_time
 from zteam.messages.topics import has_one_writer, is_measured, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
-from zteam.simulator.client import SimStatus, find_status
-from zteam.transforms import Buffer
+from zteam.simulator.client import find_status
 from zteam.transforms.client import TreeListener, find_frames
-from zteam.transforms.lasers import LaserMounts, LaserProblem
+from zteam.transforms.lasers import LaserMounts
 
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
@@ -41,7 +40,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     nodes = find_nodes(bus)
     graph = Graph(bus.declarations(), nodes)
     tree = TreeListener(bus)
-    survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
+    stands = before is None or before.paused or before.finished or (before.lockstep and before.waiting_for)
+    survey = _listen(bus, nodes, [] if stands else graph.declarations)
     router_id, strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
     heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
@@ -56,8 +56,15 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
+    own = {node.instance for node in nodes if kinds.kind_of(node.name) is None}
+    subscribed = {each.key for each in graph.declarations if not each.publishes and each.session in own}
     frames = find_frames(bus)
-    scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
+    lasers = {
+        key: wrong
+        for key, (_, message) in newest.items()
+        if isinstance(message, LaserScan) and (target := names.split_robot_key(key))
+        if (wrong := LaserMounts(target[0], tree.buffer).level(message).problem)
+    }
     return Facts(
         nodes=nodes,
         writers={
@@ -65,7 +72,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             for key, samples in heard.items()
         },
         publishers=_publishers(graph, lambda each: each.publishes, places),
-        unpublished=unpublished(graph, _own_subscriptions(graph), heard),
+        # What all nodes subscribe to is no mistake of a user's own.
+        unpublished=unpublished(graph, subscribed - {names.CLOCK, names.TICK}, heard),
         faults=faults,
         dropped=_publishers(graph, lambda each: each.dropped, {}),
         counts={
@@ -77,7 +85,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
         leads={} if before or after or names.CLOCK in heard else find_leads(newest, survey.times),
-        lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
+        lasers={} if frames is None else lasers,
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         loads=_loads(survey, name_of, {node.instance for node in nodes}),
@@ -116,15 +124,10 @@ def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container
     ]
 
 
-def _stands(sim: SimStatus) -> bool:
-    """Whether no data comes of the simulator for now."""
-    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
-
-
 def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> Survey:
     """Listen to all keys until every robot that answers has published its status and all that is measured has come, as
     far as these declarations have it: a slow world takes its time for a tick."""
-    robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
+    robots = {names.robot_id_of(node.name) for node in nodes if node.pid}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
     due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
     with closing(Survey(bus, "**")) as survey:
@@ -158,13 +161,6 @@ def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Dec
     return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
 
 
-def _own_subscriptions(graph: Graph) -> set[str]:
-    """What the users' own nodes subscribe to, without what all of them do."""
-    own = {node.instance for node in graph.processes if kinds.kind_of(node.name) is None}
-    common = {names.CLOCK, names.TICK}
-    return {each.key for each in graph.declarations if not each.publishes and each.session in own} - common
-
-
 def _publishers(graph: Graph, counts: Callable[[Declaration], bool], places: Mapping[str, str]) -> dict[str, list[str]]:
     """The processes of the declarations that count, by key; in the words of `places` where a session is among them."""
     sessions = defaultdict[str, set[str]](set)
@@ -195,16 +191,6 @@ def _decode(
             if key not in newest or sample.timestamp > newest[key][0].timestamp:
                 newest[key] = sample, message
     return faults, newest
-
-
-def _find_laser_problems(buffer: Buffer, scans: Mapping[str, LaserScan]) -> dict[str, LaserProblem]:
-    """Of scans by key: why no process can use them."""
-    found = {}
-    for key, scan in scans.items():
-        target = names.split_robot_key(key)
-        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
-            found[key] = wrong
-    return found
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:

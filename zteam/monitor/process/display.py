@@ -148,7 +148,7 @@ def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence
     else is wrong."""
     told = [restarts_text(restarts)] if restarts else []
     held = [i for i, member in team.members.items() if _is_held(member)]
-    told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
+    told += [f"robot{'s' * (len(held) > 1)} {format_robot_ids(held)}: {STOPPED}"] if held else []
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
 
 

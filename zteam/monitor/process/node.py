@@ -92,11 +92,9 @@ LOOK_FOR = 1.0
 
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
     end = monotonic() + LOOK_FOR
-    while not node.stopping:
+    while not node.stopping and monotonic() < end:
         if answers := find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR):
             return answers[0]
-        if monotonic() > end:
-            return None
         # A session that was just opened may not reach the other processes yet.
         node.wait(lambda: False, 0.1)
     return None
@@ -140,7 +138,7 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     node.become_present()
     awaited = counted(options.team_size, "robot")
     if options.ids is not None:
-        awaited = f"{'robots' if len(options.ids) > 1 else 'robot'} {format_robot_ids(options.ids)}"
+        awaited = f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
     if not node.in_team:
         log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:

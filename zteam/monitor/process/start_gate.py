@@ -53,9 +53,8 @@ class EventLimit:
         self._until = 0.0
 
     def admit(self, event: Event, counts: bool, now: float) -> Event | None:
-        """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
-        known = event.robot is None or counts
-        key, most = (event.kind, event.robot if known else -1), _MOST_EVENTS if known else _MOST_OF_STRANGERS
+        """The event as it is shown at host time `now`; None if it is left out. One without a robot `counts`."""
+        key, most = (event.kind, event.robot if counts else -1), _MOST_EVENTS if counts else _MOST_OF_STRANGERS
         if now >= self._until:
             self._made.clear()
             self._until = now + _WHILE

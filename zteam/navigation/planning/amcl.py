@@ -213,9 +213,10 @@ class Amcl:
         if not is_due and not self.is_elsewhere:
             return False
         ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
+        field = self._likelihoods(scan.range_max)
+        beams = likelihood.beams_of(field, ends)
         if not is_due:
-            field = self._likelihoods(scan.range_max)
-            self._match(field, likelihood.beams_of(field, ends), np.array([self._pose_of_odom.compose(odom)]))
+            self._match(field, beams, np.array([self._pose_of_odom.compose(odom)]))
             return False
         self._forced = False
         self._count += 1
@@ -224,8 +225,6 @@ class Amcl:
             self._look_everywhere(self._search, before, odom, ends)
             return True
         self._move(before, odom)
-        field = self._likelihoods(scan.range_max)
-        beams = likelihood.beams_of(field, ends)
         self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]

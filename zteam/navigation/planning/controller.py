@@ -141,11 +141,17 @@ class RegulatedPurePursuit:
             self._at_end = to_end <= near and self.remaining() <= 2.0 * near
         if self._at_end:
             return self._turn_to_goal(costmap, pose, velocity, normalize_angle(end[2] - pose.yaw), seconds)
-        reach = self._reach(velocity)
+        reach = options.lookahead_dist
+        if options.use_velocity_scaled_lookahead_dist:
+            ahead = abs(velocity.x) * options.lookahead_time
+            reach = min(max(ahead, options.min_lookahead_dist), options.max_lookahead_dist)
         for share in _NEARER if options.use_collision_detection else _NEARER[:1]:
             x, y = self._carrot(pose, share * reach)
             heading, distance = math.atan2(y, x), math.hypot(x, y)
-            if self._has_to_rotate(heading):
+            # Once it turns on the spot, it does so until it faces the point.
+            most = options.rotate_to_heading_min_angle * (0.25 if self._rotating else 1.0)
+            self._rotating = options.use_rotate_to_heading and abs(heading) > most
+            if self._rotating:
                 command, horizon = self._rotate(velocity, heading, seconds)
             else:
                 curvature = curvature_to(y, distance * distance)
@@ -163,13 +169,6 @@ class RegulatedPurePursuit:
         part = self._path[self._at : stop]
         self._at += int(np.argmin((part[:, 0] - pose.x) ** 2 + (part[:, 1] - pose.y) ** 2))
 
-    def _reach(self, velocity: Velocity) -> float:
-        options = self.options
-        if not options.use_velocity_scaled_lookahead_dist:
-            return options.lookahead_dist
-        ahead = abs(velocity.x) * options.lookahead_time
-        return min(max(ahead, options.min_lookahead_dist), options.max_lookahead_dist)
-
     def _carrot(self, pose: Pose2, reach: float) -> tuple[float, float]:
         """The point to drive to, in the robot's frame: where the path leaves the circle of this radius (m)."""
         rest = self._path[self._at :]
@@ -184,13 +183,6 @@ class RegulatedPurePursuit:
             share = (reach - away[far - 1]) / max(away[far] - away[far - 1], 1e-9)
             x, y = rest[far - 1, :2] + share * (rest[far, :2] - rest[far - 1, :2])
         return pose.locate(float(x), float(y))
-
-    def _has_to_rotate(self, heading: float) -> bool:
-        """Whether the robot turns on the spot first; once begun, until it faces the point."""
-        options = self.options
-        most = 0.25 * options.rotate_to_heading_min_angle if self._rotating else options.rotate_to_heading_min_angle
-        self._rotating = options.use_rotate_to_heading and abs(heading) > most
-        return self._rotating
 
     def _rotate(self, velocity: Velocity, angle: float, seconds: float) -> tuple[Velocity, float]:
         """A turn on the spot by `angle`, and the seconds for which it must be free."""

@@ -52,10 +52,14 @@ def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float =
     points = np.array(corners, np.float64)
     if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")
-    points = points + np.where(points > 0.0, padding, np.where(points < 0.0, -padding, 0.0))
-    inside, nearest = _distance_of_origin(points)
+    points = points + padding * np.sign(points)
+    along = np.roll(points, -1, axis=0) - points
+    square = np.maximum((along * along).sum(axis=1), 1e-300)
+    # On each side the point that is nearest to the origin.
+    share = np.clip(-(points * along).sum(axis=1) / square, 0.0, 1.0)
+    nearest = float(np.hypot(*(points + share[:, None] * along).T).min()) if in_polygon(points, 0.0, 0.0) else 0.0
     farthest, width = float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.abs(points[:, 1]).max())
-    return Footprint(points, nearest if inside else 0.0, farthest, width)
+    return Footprint(points, nearest, farthest, width)
 
 
 def make_circle(radius: float, padding: float = 0.0) -> Footprint:
@@ -66,15 +70,6 @@ def make_circle(radius: float, padding: float = 0.0) -> Footprint:
     outer = (radius + padding) / math.cos(math.pi / _CORNERS_OF_CIRCLE)
     points = outer * np.stack((np.cos(turns), np.sin(turns)), axis=1)
     return Footprint(points, radius + padding, outer, radius + padding)
-
-
-def _distance_of_origin(points: Floats) -> tuple[bool, float]:
-    """Whether the origin lies inside a polygon, and its distance to the outline."""
-    along = np.roll(points, -1, axis=0) - points
-    square = np.maximum((along * along).sum(axis=1), 1e-300)
-    share = np.clip(-(points * along).sum(axis=1) / square, 0.0, 1.0)
-    nearest = np.hypot(*(points + share[:, None] * along).T).min()
-    return bool(in_polygon(points, 0.0, 0.0)), float(nearest)
 
 
 def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:

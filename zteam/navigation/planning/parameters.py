@@ -16,11 +16,10 @@ import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.numbers import NotNegative, Positive
+from zteam.config.numbers import Coordinate, NotNegative, Positive
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
-from zteam.geometry import FAR
 from zteam.kernels.navigation import MAX_CELLS
 from zteam.messages.base import DEFAULT_BASE, MAX_EXTENT, Base, BaseOverride
 from zteam.navigation.planning.amcl import AmclOptions
@@ -39,6 +38,8 @@ Localizer = Literal["amcl", "fake", "none"]
 Tables = dict[str, dict[str, Any]]
 """Parameters by the name of Nav2's node; the names of nested tables are joined with dots, as in `FollowPath.plugin`."""
 
+_Node = tuple[str, Mapping[str, Any]]
+"""The name of a node of a parameter file, or a pattern of names, and its parameters."""
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
@@ -58,7 +59,6 @@ class Plugin(NamedTuple):
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
-_Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 _Signed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
 
 
@@ -67,16 +67,16 @@ class FirstPose(CheckedOptions, frozen=True):
 
     set_initial_pose: bool = False
     """Without it, a robot begins where the transforms say that it is."""
-    x: _Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
-    y: _Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
+    x: Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
+    y: Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
     yaw: _Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
 class FakeOptions(CheckedOptions, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
-    delta_x: _Coordinate = 0.0
-    delta_y: _Coordinate = 0.0
+    delta_x: Coordinate = 0.0
+    delta_y: Coordinate = 0.0
     delta_yaw: _Signed = 0.0
     """Metres and radians that are added to each pose."""
     noise_xy: NotNegative = 0.0
@@ -93,9 +93,10 @@ class ControllerOptions(CheckedOptions, frozen=True):
     controller_plugins: _Names = ()
     progress_checker_plugins: _Names = ()
     goal_checker_plugins: _Names = ()
+    controller_plugin: str = "FollowPath"
     progress_checker_plugin: str = "progress_checker"
     goal_checker_plugin: str = "general_goal_checker"
-    """Until Humble a name in the place of a list."""
+    """Where no list is given; until Humble, files had names of checkers in the place of lists."""
     controller_frequency: Positive = 20.0
     failure_tolerance: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 0.3
     """Seconds that the controller may find no command before a recovery begins; below 0: without end."""
@@ -108,36 +109,29 @@ _SPEEDS = {
     "acc_lim_theta": ("acc_lim_theta", "az_max"),
 }
 """By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
-_NAMES = [(name, Positive | None, None) for row in _SPEEDS.values() for name in row]
+_UNLIMITED = 1000.0
+"""The largest limit that can be given."""
+_NAMES = [(name, Positive, _UNLIMITED) for row in _SPEEDS.values() for name in row]
 SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
 
 
 _Vector = tuple[Positive, _Signed, Positive]
+_Backwards = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=0.0)]
 
 
 class SmootherOptions(CheckedOptions, frozen=True):
     """Limits of Nav2's velocity_smoother: along x and y, and about z."""
 
-    max_velocity: _Vector | None = None
-    min_velocity: tuple[Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)], _Signed, _Signed] | None = None
-    max_accel: _Vector | None = None
-
-
-def _limits_of(speed: msgspec.Struct, smoother: SmootherOptions) -> Base:
-    """A base with the least of the limits of each kind; inf where there is none."""
-    found: dict[str, Any] = {key: [getattr(speed, name) or math.inf for name in row] for key, row in _SPEEDS.items()}
-    for limit, values in (("max_vel", smoother.max_velocity), ("acc_lim", smoother.max_accel)):
-        if values is not None:
-            found[f"{limit}_x"].append(values[0])
-            found[f"{limit}_theta"].append(values[2])
-    backwards = smoother.min_velocity[0] if smoother.min_velocity else -math.inf
-    return Base(min_vel_x=backwards, **{limit: min(row) for limit, row in found.items()})
+    max_velocity: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
+    min_velocity: tuple[_Backwards, _Signed, _Signed] = (-_UNLIMITED, 0.0, 0.0)
+    max_accel: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
 
 
 class PlannerServerOptions(CheckedOptions, frozen=True):
     """Parameters of planner_server itself."""
 
     planner_plugins: _Names = ()
+    planner_plugin: str = "GridBased"
     expected_planner_frequency: NotNegative = 1.0
     """Plans a second while the robot drives; 0, which expects none in Nav2, is 1."""
 
@@ -188,9 +182,8 @@ class _Place(NamedTuple):
 
     node: str
     kind: str = ""
-    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant; empty: the node's own."""
-    usual: str = ""
-    """The plug-in's name where none is listed."""
+    """Of plug-in, of which the first one that the parameter `<kind>_plugins` lists is meant, or else that of
+    `<kind>_plugin`; empty: the node's own."""
     anywhere: bool = False
     """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
 
@@ -204,16 +197,14 @@ class Parameters(NamedTuple):
     fake: Annotated[FakeOptions, _Place("fake_localization")] = FakeOptions()
     controller: Annotated[ControllerOptions, _Place("controller_server")] = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
-    speed: Annotated[msgspec.Struct, _Place("controller_server", "controller", "FollowPath")] = SpeedOptions()
-    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller", "FollowPath")] = PursuitOptions()
+    speed: Annotated[msgspec.Struct, _Place("controller_server", "controller")] = SpeedOptions()
+    pursuit: Annotated[PursuitOptions, _Place("controller_server", "controller")] = PursuitOptions()
     smoother: Annotated[SmootherOptions, _Place("velocity_smoother")] = SmootherOptions()
-    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker", "general_goal_checker")] = GoalOptions()
-    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker", "progress_checker")] = (
-        ProgressOptions()
-    )
+    goal: Annotated[GoalOptions, _Place("controller_server", "goal_checker")] = GoalOptions()
+    progress: Annotated[ProgressOptions, _Place("controller_server", "progress_checker")] = ProgressOptions()
     planner_server: Annotated[PlannerServerOptions, _Place("planner_server")] = PlannerServerOptions()
     planner_plugin: Plugin = Plugin(ASTAR)
-    planner: Annotated[AStarOptions, _Place("planner_server", "planner", "GridBased")] = AStarOptions()
+    planner: Annotated[AStarOptions, _Place("planner_server", "planner")] = AStarOptions()
     recovery: Annotated[RecoveryOptions, _Place("behavior_server")] = RecoveryOptions()
     global_window: Annotated[WindowOptions, _Place("global_costmap")] = WindowOptions(update_frequency=1.0)
     global_layers: Annotated[CostmapOptions, _Place("global_costmap", anywhere=True)] = CostmapOptions()
@@ -224,31 +215,31 @@ class Parameters(NamedTuple):
 
     @property
     def limits(self) -> Base:
-        """A base whose limits all commands keep within; inf where there is none."""
-        return _limits_of(self.speed, self.smoother)
+        """A base whose limits all commands keep within."""
+        (x, _, turn), (gain, _, turn_gain) = self.smoother.max_velocity, self.smoother.max_accel
+        found = {"max_vel_x": x, "max_vel_theta": turn, "acc_lim_x": gain, "acc_lim_theta": turn_gain}
+        least = {key: min(found[key], *(getattr(self.speed, name) for name in row)) for key, row in _SPEEDS.items()}
+        return Base(min_vel_x=self.smoother.min_velocity[0], **least)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
-        name, given = self.controller_plugin
-        if name != PURSUIT:
-            return make_controller(name, given)
-        options, limits = self.pursuit, self.limits
-        return RegulatedPurePursuit(
-            msgspec.structs.replace(
-                options,
-                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
-                rotate_to_heading_angular_vel=min(
-                    options.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta
-                ),
-                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
-                xy_goal_tolerance=self.goal.xy_goal_tolerance,
-            )
+        if self.controller_plugin.name != PURSUIT:
+            return make_controller(*self.controller_plugin)
+        own, limits = self.pursuit, self.limits
+        turn = min(own.rotate_to_heading_angular_vel, base.max_vel_theta, limits.max_vel_theta)
+        options = msgspec.structs.replace(
+            own,
+            desired_linear_vel=min(own.desired_linear_vel, base.max_vel_x, limits.max_vel_x),
+            rotate_to_heading_angular_vel=turn,
+            max_angular_accel=min(own.max_angular_accel, base.acc_lim_theta, limits.acc_lim_theta),
+            xy_goal_tolerance=self.goal.xy_goal_tolerance,
         )
+        return RegulatedPurePursuit(options)
 
     def make_planner(self) -> Planner:
         """The planner that is named. Raises UsageError."""
-        name, given = self.planner_plugin
-        return AStarPlanner(self.planner) if name == ASTAR else make_planner(name, given)
+        is_own = self.planner_plugin.name == ASTAR
+        return AStarPlanner(self.planner) if is_own else make_planner(*self.planner_plugin)
 
 
 _PLACES: dict[str, _Place] = {
@@ -275,10 +266,10 @@ def navigation_of_robot(
     if file is not None:
         if not isinstance(file, str):
             raise UsageError(f"{source}: params: a file is expected, not {file!r}")
-        contents = _read_parameter_file(folder / file)
-        given = _tables_of_file(contents, robot_id)
+        nodes = _read_parameter_file(folder / file)
+        given = _tables_of_file(nodes, robot_id)
         if not given:
-            there = ", ".join(dict.fromkeys(name for name, _ in _find_nodes(contents, ()))) or "none"
+            there = ", ".join(dict.fromkeys(name for name, _ in nodes)) or "none"
             notes.append(f"{file}: nothing in it applies to {names.robot_name(robot_id)}: its nodes are {there:.200}")
     own: Tables = {OWN: {}}
     for key, value in table.items():
@@ -301,13 +292,17 @@ def _read_parameters(
     tables: Tables, place_of: Callable[[str, str], str], notes: list[str]
 ) -> tuple[Parameters, list[str]]:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with the place of each key, for wrong values."""
-    found: dict[str, Any] = {}
+    found, servers = dict[str, Any](), dict[str, msgspec.Struct]()
     taken, problems = {(OWN, "localizer")}, list[str]()
     for field, place in _PLACES.items():
-        table = tables.get(place.node, {})
+        table, prefix = tables.get(place.node, {}), ""
+        if place.kind:
+            server = servers[place.node]
+            listed = getattr(server, f"{place.kind}_plugins")
+            prefix = f"{listed[0] if listed else getattr(server, f'{place.kind}_plugin')}."
         if place.kind in _OWN:
             try:
-                plugin, known, note = _read_plugin(place, table, place_of)
+                plugin, known, note = _read_plugin(place, table, prefix, place_of)
             except UsageError as error:
                 problems.append(str(error))
                 continue
@@ -317,12 +312,13 @@ def _read_parameters(
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
         default = Parameters._field_defaults[field]
-        if field == "pursuit" and (most := _limits_of(found["speed"], SmootherOptions()).max_vel_x) < math.inf:
+        if field == "pursuit" and (most := Parameters(speed=found["speed"]).limits.max_vel_x) < _UNLIMITED:
             # Nav2's other controllers drive as fast as they may.
             default = msgspec.structs.replace(default, desired_linear_vel=most)
-        given = _own_names(place, table, type(default))
+        given = _own_names(place, table, prefix, type(default))
         taken |= {(place.node, name) for name in given.values()}
         found[field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
+        servers.setdefault(place.node, found[field])
         for path, text in wrong:
             name = given.get(str(path[0]), str(path[0])) if path else ""
             problems.append(f"{place_of(place.node, name)}: {text}")
@@ -421,9 +417,8 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
     raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
 
 
-def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
-    """Fields of the options that the table sets, and the names it has for them."""
-    prefix = _prefix(place, table)
+def _own_names(place: _Place, table: Mapping[str, Any], prefix: str, kind: type[msgspec.Struct]) -> dict[str, str]:
+    """Fields of the options that the table sets, and the names it has for them, which begin with `prefix`."""
     found = {}
     # A rotation shim has the parameters of its controller below its own since Kilted; its own count before them.
     for name in sorted(table, key=lambda name: _SHIMMED not in name):
@@ -434,11 +429,11 @@ def _own_names(place: _Place, table: Mapping[str, Any], kind: type[msgspec.Struc
 
 
 def _read_plugin(
-    place: _Place, table: Mapping[str, Any], place_of: Callable[[str, str], str]
+    place: _Place, table: Mapping[str, Any], prefix: str, place_of: Callable[[str, str], str]
 ) -> tuple[Plugin, Iterable[str], list[str]]:
     """The plug-in that is named; the names that this explains: all of a plug-in that is not zteam's own; and a note if
     zteam's own replaces it. Raises UsageError."""
-    prefix, kind = _prefix(place, table), place.kind
+    kind = place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     key = f"{prefix}plugin"
     where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
@@ -450,34 +445,23 @@ def _read_plugin(
     return Plugin(name), own, [f"{where}: {given} is replaced by zteam's own {name}"]
 
 
-def _prefix(place: _Place, table: Mapping[str, Any]) -> str:
-    """What the names of the parameters begin with there."""
-    if not place.kind:
-        return ""
-    listed = table.get(f"{place.kind}_plugins")
-    named = listed[0] if isinstance(listed, list) and listed else table.get(f"{place.kind}_plugin", place.usual)
-    return f"{named}."
-
-
-def _read_parameter_file(path: Path) -> Mapping[str, Any]:
-    """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
+def _read_parameter_file(path: Path) -> list[_Node]:
+    """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
     table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
-    if table is None:
-        return {}
-    if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):
+    nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
+    if not nodes and table is not None:
         raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")
-    return table
+    return nodes
 
 
-def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
-    """What a parameter file says to the nodes of robot `robot_id`.
+def _tables_of_file(nodes: list[_Node], robot_id: int) -> Tables:
+    """What the nodes of a parameter file say to those of robot `robot_id`.
 
     A node's name may have namespaces before it (`robot_1/amcl`, or nested), and wildcards: `*` for one part, `**` for
     any. What names a node by itself counts before what names it by a wildcard, and a longer name before a shorter one.
     """
     tables: Tables = {}
-    found = sorted(_find_nodes(contents, ()), key=lambda item: ("*" not in item[0], len(item[0].replace("*", ""))))
-    for pattern, parameters in found:
+    for pattern, parameters in sorted(nodes, key=lambda node: ("*" not in node[0], len(node[0].replace("*", "")))):
         # Its name until Galactic, and in files since then.
         pattern = pattern.replace("recoveries_server", "behavior_server")
         words = re.escape(pattern).replace(r"\*\*/", "(?:.*/)?").replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
@@ -490,8 +474,7 @@ def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
     return tables
 
 
-def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """The name, or pattern, of each node with parameters, and the parameters."""
+def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[_Node]:
     for key, value in table.items():
         if key == _PARAMETERS and isinstance(value, Mapping) and path:
             yield "/".join(part.strip("/") for part in path), value

@@ -94,41 +94,31 @@ class Recovery:
         moved = math.dist(pose[:2], self._moved_to[:2]), abs(normalize_angle(pose.yaw - self._moved_to.yaw))
         if max(moved) > _MOVES:
             self._moved_at, self._moved_to = now, pose
-        velocity = None
-        if self.current == "wait":
-            velocity = Velocity() if now - self._began < self.options.wait_duration else None
-        elif self.current == "clear_costmap":
-            for costmap in costmaps:
-                costmap.clear_around(pose, self.options.clear_distance)
-                costmap.update()
-        elif self.current == "back_up":
-            velocity = self._back_up(now, pose, costmaps)
-        elif self.current == "spin":
-            velocity = self._spin(now, pose, costmaps)
-        if velocity is None or now - self._began > self.options.time_allowance:
-            self.current = None
-            return None
-        return velocity
-
-    def _back_up(self, now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
-        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= self.options.backup_dist:
-            return None
-        speed = -self.options.backup_speed
-        # A robot that came in on an arc may come out on one only.
-        return self._move([Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES], now, pose, costmaps)
-
-    def _spin(self, now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
+        options, velocity = self.options, None
         self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
         self._last_yaw = pose.yaw
-        if self._turned >= self.options.spin_dist:
-            return None
-        rate = min(self.options.rotational_vel, self.options.max_rotational_vel)
-        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmaps)
+        if self.current == "wait":
+            velocity = Velocity() if now - self._began < options.wait_duration else None
+        elif self.current == "clear_costmap":
+            for costmap in costmaps:
+                costmap.clear_around(pose, options.clear_distance)
+                costmap.update()
+        elif self.current == "back_up" and math.dist(pose[:2], self._from[:2]) < options.backup_dist:
+            speed = -options.backup_speed
+            # A robot that came in on an arc may come out on one only.
+            ways = [Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES]
+            velocity = self._move(ways, now, pose, costmaps)
+        elif self.current == "spin" and self._turned < options.spin_dist:
+            rate = min(options.rotational_vel, options.max_rotational_vel)
+            velocity = self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmaps)
+        if velocity is None:
+            self.current = None
+        return velocity
 
     def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmaps: Sequence[Costmap]) -> Velocity | None:
-        """The first of these motions that nothing is in the way of, once tried not again."""
-        for velocity in ways[self._way :]:
-            ahead = self.options.simulate_ahead_time
+        """The first of these motions that nothing is in the way of, once tried not again; none when its time is up."""
+        ahead = self.options.simulate_ahead_time
+        for velocity in ways[self._way :] if now - self._began <= self.options.time_allowance else ():
             is_blocked = any(time_to_collision(costmap, pose, velocity, ahead) < math.inf for costmap in costmaps)
             if not is_blocked and now - self._moved_at <= self.options.stopped_allowance:
                 return velocity

@@ -97,7 +97,7 @@ class AmclLocaliser(Localiser):
     """`amcl`: adaptive Monte Carlo localisation."""
 
     def __init__(self, grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None = None) -> None:
-        """`pose`: where the robot is known to be, as by an earlier map. Raises ValueError for parameters."""
+        """`pose`: where the robot is known to be, as by an earlier map."""
         super().__init__()
         self._amcl = Amcl(grid, parameters.amcl, seed=seed)
         self._initial = parameters.initial_pose
@@ -172,7 +172,7 @@ def deviations_of(message: PoseWithCovarianceStamped) -> tuple[float, float, flo
 
 
 def make_localiser(grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None) -> Localiser:
-    """The localiser that the parameters name. Raises ValueError for its parameters."""
+    """The localiser that the parameters name."""
     if parameters.localizer == "fake":
         return FakeLocaliser(parameters.fake, seed)
     return Localiser() if parameters.localizer == "none" else AmclLocaliser(grid, parameters, seed, pose)

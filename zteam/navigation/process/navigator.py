@@ -129,7 +129,12 @@ class Navigator:
         if self._held_since is not None:
             self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
-            return self._recover(here, costmaps)
+            velocity = self._recovery.step(here.now, here.pose, costmaps.local, costmaps.whole)
+            if velocity is not None:
+                return velocity
+            self._progress.reset()
+            self.plan_anew()
+            return STOP
         # There, no other path is of use, and the controller goes on to turn.
         there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
         interval = math.inf if there else 1.0 / (frequency or 1.0)
@@ -210,14 +215,6 @@ class Navigator:
             self.recoveries, self._in_vain = self.recoveries + 1, self._in_vain + 1
             self._recovered_at, self._least_left = self._recovered_at or pose, min(self._least_left, left)
             self.state, self.text = NavigationState.RECOVERING, reason
-        return STOP
-
-    def _recover(self, here: Situation, costmaps: Costmaps) -> Velocity:
-        velocity = self._recovery.step(here.now, here.pose, costmaps.local, costmaps.whole)
-        if velocity is not None:
-            return velocity
-        self._progress.reset()
-        self.plan_anew()
         return STOP
 
 

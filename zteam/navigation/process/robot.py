@@ -39,17 +39,9 @@ class RobotNavigation:
     def set_map(self, grid: GridMap) -> None:
         """Another map: everything is made anew on it, and the robot is where it was."""
         pose = self._localiser.pose if self._localiser is not None else None
-        self._grid = grid
-        self._make(pose)
+        self._grid, self._costmaps, self._unfit = grid, None, ""
+        self._localiser = make_localiser(grid, self._parameters, self._seed, pose)
         self.navigator.plan_anew()
-
-    def _make(self, pose: Pose2 | None) -> None:
-        assert self._grid is not None
-        self._costmaps, self._unfit = None, ""
-        try:
-            self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
-        except ValueError as error:
-            self._unfit = str(error)
 
     def set_base(self) -> None:
         """The robot's base is another one than before: its outline or its limits."""
@@ -62,8 +54,9 @@ class RobotNavigation:
         self.outputs.forget()
         self._command = STOP
         self.navigator.reset()
+        self._localiser = None
         if self._grid is not None:
-            self._make(None)
+            self.set_map(self._grid)
 
     def localize_globally(self) -> str:
         """Spread the particles; why that does not count, if it does not."""

@@ -45,6 +45,8 @@ NEARER, LEAST_NEARER = 0.5, 0.15
 """Metres that a way leads nearer to the place, if there is such a one, and that it does at least."""
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
+BESIDE = 0.9
+"""Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
 FAILED_NEAR, FAILED_HEADINGS = 3, 3
 """Cells around the place of a move that did not work, and headings, for which none like it is tried."""
 ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
@@ -89,10 +91,11 @@ def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.b
 
 
 def find_moves(
-    view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]]
-) -> list[Move]:
-    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here. Empty if
-    none do.
+    view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]],
+    shunned: Sequence[Point2] = (),
+) -> list[Move]:  # fmt: skip
+    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here, from the
+    teammates and from the places `shunned`. Empty if none do.
 
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
@@ -119,7 +122,7 @@ def find_moves(
         near = np.argsort(np.abs(_wrap(_ANGLES - pose.yaw)))[:FAILED_HEADINGS]
         x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
         works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
-    left = _left(way, size).ravel()
+    left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
     start = best = middle * size + middle
     nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
     costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
@@ -165,15 +168,17 @@ def _border(mate: Teammate) -> NDArray[np.float64]:
     return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
-def _left(way: Sequence[Point2], size: int) -> NDArray[np.float64]:
-    """By place (rows from below): what is left from there to the end of the way, over the best of its points."""
+def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
+    """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
+    way: less the further away it is, and nothing is won near places that are `shunned`."""
+    places = CELL * (np.arange(size) - size // 2)
     if not way:
-        away = CELL * np.hypot(*np.ogrid[-(size // 2) : size // 2 + 1, -(size // 2) : size // 2 + 1])
-        return np.where(away < LEAST_AWAY, 0.0, -NEARER / AWAY * away)
+        away = np.hypot(places, places[:, None])
+        near = [np.hypot(places - x, places[:, None] - y) < BESIDE for x, y in shunned]
+        return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
     points = np.array(way)
     steps = np.hypot(*np.diff(points, axis=0).T)
     after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-    places = CELL * (np.arange(size) - size // 2)
     off = np.hypot(places[None, :, None] - points[:, 0], places[:, None, None] - points[:, 1])
     found: NDArray[np.float64] = (after + np.where(off < ON_WAY, 0.0, OFF_WAY + OFF_COST * off)).min(axis=2)
     return found
@@ -272,14 +277,14 @@ class Escape:
             self._stuck_at, self._looks_at = None, now + RESTS
         return freed or command
 
-    def leave(self, view: View) -> bool:
-        """Whether there is a way that leads away from here; `free` then takes it."""
+    def leave(self, view: View, shunned: Sequence[Point2] = ()) -> bool:
+        """Whether there is a way away from here, and not to places `shunned` (base frame); `free` then takes it."""
         own = None if view.odom is None else pose2_of(view.odom.pose.pose)
         if own is None:
             return False
         self._asked = view.now
         self._look_round(view, own)
-        self._find(view, own, ())
+        self._find(view, own, (), shunned)
         # At its end nothing is left to do.
         self._stuck_at = (math.inf, math.inf) if self._moves else None
         return bool(self._moves)
@@ -297,13 +302,14 @@ class Escape:
         in_odom = np.array((own.x + cos * hits[0] - sin * hits[1], own.y + sin * hits[0] + cos * hits[1]))
         self._seen = [each for each in self._seen if view.now - each[0] < KEPT] + [(view.now, in_odom)]
 
-    def _find(self, view: View, own: Pose2, way: Sequence[Point2]) -> None:
+    def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
         """Find moves along a way."""
         self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
         x, y = np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]) - np.array(own[:2])[:, None]
         cos, sin, to_base = math.cos(own.yaw), math.sin(own.yaw), own.inverse()
         hits = np.array((cos * x + sin * y, cos * y - sin * x))
-        found = find_moves(view, hits, way, [(kind, to_base.compose(at)) for _, kind, at in self._failed])
+        failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
+        found = find_moves(view, hits, way, failed, shunned)
         self._moves = [Move(kind, own.compose(end)) for kind, end in found]
         self._left, self._since = math.inf, view.now
 

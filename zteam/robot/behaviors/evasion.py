@@ -104,6 +104,8 @@ GIVES_UP, PROGRESS = to_ns(6.0), 0.4
 """It hands over if it has not come so many metres in so many nanoseconds."""
 BEEN, TWICE, LEFT = 0.6, 2, 5
 """It hands over where it has left a place within so many metres so often; that many more places are remembered."""
+BEFORE_END = 0.8
+"""Metres before a dead end at which it looks for another way: there is one that it has not seen in time else."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 
@@ -127,8 +129,11 @@ class Head:
         """It does not lead, or stands for a reason."""
         self._since = None
 
-    def step(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> tuple[Twist | None, str]:
-        """The velocity, and why it is zero; None where it is to hand over."""
+    def step(
+        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, ends: Sequence[Point2] = ()
+    ) -> tuple[Twist | None, str]:
+        """The velocity, and why it is zero; None where it is to hand over. Of several ways it takes one that does not
+        lead to a dead end: where its line has turned, at these places in map."""
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
@@ -152,16 +157,18 @@ class Head:
             return Twist(), reason
         if self._escape.is_moving:
             return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
-        if self._heading is None and self._wants_another(view, own, ahead):
+        shunned = [own.locate(*end) for end in ends]
+        if self._heading is None and self._wants_another(view, own, ahead, _room_before(shunned, 0.0)):
             self._drawn_at = own
-            turn = self._draw(view, scan)
-            if turn is None and ahead < FREE:
-                if sum(math.dist(own[:2], at) < BEEN for at in self._left) < TWICE and self._escape.leave(view):
+            turn = self._draw(view, scan, shunned)
+            if turn is None and (ahead < FREE or _room_before(shunned, 0.0) < FREE):
+                been = sum(math.dist(own[:2], at) < BEEN for at in self._left)
+                if been < TWICE and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
                     self._left = [*self._left[-LEFT:], own[:2]]
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
-                if view.now - self._since > FIRST:
+                if ahead < FREE and view.now - self._since > FIRST:
                     return None, ""
-                turn = math.pi
+                turn = math.pi if ahead < FREE else 0.0
             self._heading = normalize_angle(own.yaw + (turn or 0.0))
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
@@ -169,19 +176,21 @@ class Head:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _wants_another(self, view: View, own: Pose2, ahead: float) -> bool:
+    def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float) -> bool:
         if ahead < FREE:
             return True
         if math.dist(own[:2], self._drawn_at[:2]) < EVERY:
             return False
         self._drawn_at = own
-        return view.random(0) < CHANCE
+        return unknown < FREE or view.random(0) < CHANCE
 
-    def _draw(self, view: View, scan: LaserScan) -> float | None:
+    def _draw(self, view: View, scan: LaserScan, shunned: Sequence[Point2]) -> float | None:
         """Of the headings with enough room one (rad), the likelier the more room and the less to the side."""
         best, most = None, 0.0
         for draw, heading in enumerate(HEADINGS, 1):
-            room = self._room(view, scan, heading) if is_seen(scan, heading) else 0.0
+            room = (
+                min(self._room(view, scan, heading), _room_before(shunned, heading)) if is_seen(scan, heading) else 0.0
+            )
             weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
             if room > ROOMY and weight > most:
                 best, most = heading, weight
@@ -195,6 +204,16 @@ class Head:
             if along > 0.0 and abs(across) < MATE:
                 room = min(room, along)
         return room
+
+
+def _room_before(places: Sequence[Point2], heading: float) -> float:
+    """Metres towards a heading (rad) before it comes near one of these places of the base frame."""
+    room = math.inf
+    for x, y in places:
+        along, across = math.cos(heading) * x + math.sin(heading) * y, math.cos(heading) * y - math.sin(heading) * x
+        if along > 0.0 and abs(across) < MATE:
+            room = min(room, along - BEFORE_END)
+    return room
 
 
 NEAR, MET = 0.58, 1.0

@@ -7,8 +7,9 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
+from zteam.config.numbers import Coordinate
 from zteam.config.problems import KeyValueError
-from zteam.geometry import FAR, Point2, Pose2, curvature_to, normalize_angle
+from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.view import NO_POSE, View, own_pose
@@ -390,8 +391,6 @@ _APART = 0.01
 """Metres from the first waypoint to another one, at least: laps of no length never fill the window."""
 _WINDOW = 0.5
 """Metres ahead of its place on the path within which the next one is looked for: a path may cross itself."""
-
-Coordinate = Annotated[float, Meta(ge=-FAR, le=FAR)]
 
 
 class PathParams(Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,12 +1,10 @@
 """Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
-import ast
 import importlib
 import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -109,8 +107,8 @@ def read_anew() -> None:
     now. A notebook is one process for many runs."""
     global _looked
     before, _looked = _looked, wall_ns()
-    files = {name: str(getattr(sys.modules.get(name), "__file__", None)) for name in _loaded - {"__main__"}}
-    own = {name: Path(file) for name, file in files.items() if is_own(file)}
+    files = {name: getattr(sys.modules.get(name), "__file__", None) for name in _loaded - {"__main__"}}
+    own = {name: Path(file) for name, file in files.items() if file and is_own(file)}
     if any(file.is_file() and file.stat().st_mtime_ns > before for file in own.values()):
         for name in own:
             sys.modules.pop(name, None)
@@ -122,7 +120,11 @@ def find_behavior(spec: str) -> type[Behavior]:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
     if module.endswith(".py"):
-        raise UsageError(f"no behaviour {spec!r} (did you mean {_meant_by(Path(module), name)}?)")
+        file, folder = Path(module), Path(module).parent
+        is_package = (folder / "__init__.py").is_file() and not folder.is_absolute()
+        meant = ".".join([*(folder.parts if is_package else ()), file.stem])
+        path = "" if is_package or folder == Path() else f", with the folder on the path (--path {folder})"
+        raise UsageError(f"no behaviour {spec!r} (did you mean {meant}:{name or 'CLASS'}{path}?)")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
@@ -131,18 +133,6 @@ def find_behavior(spec: str) -> type[Behavior]:
     known = behavior_names()
     meant = did_you_mean(spec, known)
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
-
-
-def _meant_by(file: Path, name: str) -> str:
-    """How the class `name` in a file is written, without a name each class that the file may have."""
-    with suppress(OSError, ValueError, SyntaxError):
-        statements = ast.parse(file.read_bytes()).body
-        classes = [each.name for each in statements if isinstance(each, ast.ClassDef)]
-        name = name or f" or {file.stem}:".join(classes)
-    found, folder = f"{file.stem}:{name or 'CLASS'}", file.parent
-    if (folder / "__init__.py").is_file() and not folder.is_absolute():
-        return f"{'.'.join(folder.parts)}.{found}"
-    return found if folder == Path() else f"{found}, with the folder on the path (--path {folder})"
 
 
 def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] = callable) -> Any:
@@ -157,11 +147,8 @@ def load_named(what: str, module: str, name: str, offers: Callable[[Any], bool] 
     found = getattr(imported, name, None)
     if found is None:
         place = getattr(imported, "__file__", None) or "built in"
-        own = [
-            key
-            for key, value in vars(imported).items()
-            if offers(value) and str(getattr(value, "__module__", "")).startswith(module)
-        ]
+        known = [key for key, value in vars(imported).items() if offers(value)]
+        own = [key for key in known if str(getattr(vars(imported)[key], "__module__", "")).startswith(module)]
         way_out = did_you_mean(name, own) or (f"; it has {', '.join(own)}" if own else "")
         if module == "__main__":
             way_out = "; what a notebook or a script defines is in its own process alone: write it into a file"

@@ -221,7 +221,9 @@ class RobotNode:
         before, self._scan = self._scan, self._inputs.scan
         node, driver = self._node, self.driver
         if self._scan is not before:
-            driver.absence = self._find_leader()
+            # Before GO: why the pose of a leader cannot come.
+            leader = None if node.readiness.released else driver.behavior.leader
+            driver.absence, driver.is_alone = "" if leader is None else absence_of(node.bus, leader), False
             self._tell_outage("")
             return
         try:
@@ -239,13 +241,6 @@ class RobotNode:
         elif self._id not in status.robots:
             driver.absence = f"{node.name} is {absence_text(self._id, status.robots)}"
         driver.is_alone = status is None
-
-    def _find_leader(self) -> str:
-        """Before GO: why the pose of the leader cannot come; empty if it is in the world, or nothing is known of it."""
-        leader = self.driver.behavior.leader
-        if leader is None or self._node.readiness.released:
-            return ""
-        return absence_of(self._node.bus, leader)
 
     def _find_outage(self) -> str:
         """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""

@@ -417,7 +417,8 @@ class SafetyLayer:
         if share >= 1.0:
             return motion, ""
         slow = motion.scale(share)
-        if motion.turn and motion.speed and self._limits.turns_apart:
+        # A car turns the less, the more slowly it drives.
+        if motion.turn and motion.speed and not self._limits.is_car:
             turning = slow._replace(turn=motion.turn)
             free, _ = self._share(turning)
             if free >= 1.0 or not share:

@@ -156,9 +156,7 @@ class BaseLimits:
 
     def __init__(self, base: Base) -> None:
         self._base = base
-        self._is_car, self._is_omni = base.drive == "car", base.drive == "omni"
-        self.turns_apart = not self._is_car
-        """Whether the base can turn as it likes while it drives more slowly."""
+        self.is_car, self._is_omni = base.drive == "car", base.drive == "omni"
         reach = [x for x, _ in base.footprint]
         self.wheelbase = base.wheelbase or _WHEELBASE_SHARE * (max(reach) - min(reach))
         """Metres from axle to axle of a car."""
@@ -180,7 +178,7 @@ class BaseLimits:
         if not (math.isfinite(x) and math.isfinite(turn) and math.isfinite(y)):
             return None
         motion = Velocity(float(x), float(y), float(turn))
-        if self._is_car:
+        if self.is_car:
             x = max(self._base.min_vel_x, min(self._base.max_vel_x, motion.x))
             motion = Velocity(x * math.cos(motion.turn), 0.0, x * math.sin(motion.turn) / self.wheelbase)
         return self.clamp(motion)
@@ -188,7 +186,7 @@ class BaseLimits:
     def command_of(self, motion: Velocity) -> Twist:
         """The command that makes the base do this."""
         x, y, turn = motion
-        if self._is_car:
+        if self.is_car:
             angle = math.atan2(math.copysign(turn, turn * x) * self.wheelbase, abs(x)) if x else 0.0
             x, turn = math.copysign(math.hypot(x, turn * self.wheelbase), x) if x else 0.0, angle
         return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
@@ -207,8 +205,8 @@ class BaseLimits:
         x = _approach(wanted.x, last.x, self._gain[wanted.x < 0.0] * seconds, self._loss[last.x < 0.0] * seconds)
         turning, sideways = self._base.acc_lim_theta * seconds, self._base.acc_lim_y * seconds
         # The wheels of a car that slows down take its turn with them.
-        turn = _approach(wanted.turn, last.turn, turning, math.inf if self._is_car else turning)
-        if self._is_car and (x != wanted.x or wanted.turn * last.turn < 0.0):
+        turn = _approach(wanted.turn, last.turn, turning, math.inf if self.is_car else turning)
+        if self.is_car and (x != wanted.x or wanted.turn * last.turn < 0.0):
             # They go through straight on, and are never turned more sharply than was asked for.
             sharpest = abs(wanted.turn * x / wanted.x) if wanted.x and wanted.turn * last.turn >= 0.0 else 0.0
             turn = max(-sharpest, min(sharpest, turn))
@@ -220,7 +218,7 @@ class BaseLimits:
             longest = self.stop_time(last)
         else:
             straight, turning = last.speed / STOPPING, abs(last.turn) / TURN_STOPPING
-            longest = straight if self._is_car else max(straight, turning)
+            longest = straight if self.is_car else max(straight, turning)
         return last.scale(1.0 - seconds / longest) if longest > seconds else STANDING
 
     def longest_way(self, reaction: float) -> float:
@@ -231,7 +229,7 @@ class BaseLimits:
     def stop_time(self, motion: Velocity) -> float:
         """Seconds that braking along the arc takes."""
         straight = max(abs(motion.x) / self._braking[motion.x < 0.0], abs(motion.y) / self._side_braking)
-        return straight if self._is_car else max(straight, abs(motion.turn) / self._turn_braking)
+        return straight if self.is_car else max(straight, abs(motion.turn) / self._turn_braking)
 
     def measure(self, told: Velocity, view: View) -> Velocity | None:
         """The velocity that odometry says, if the base is faster than it was told to be in some part; else None."""

@@ -5,7 +5,6 @@ The last ones drive in the simulator: a small world, another robot, and the safe
 
 import inspect
 import math
-import os
 import sys
 import threading
 import traceback
@@ -214,7 +213,7 @@ class Trial:
 
 def _place(file: str, line: int | None) -> str:
     path = Path(file)
-    return f"{os.fspath(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)}:{line}"
+    return f"{path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}:{line}"
 
 
 def _text(motion: Velocity) -> str:

@@ -23,10 +23,10 @@ RANGE_MAX = 30.0
 _HERE = Pose2(0.0, 0.0, 0.0)
 
 
-def make_scan(ranges: Sequence[float], fov: float, header: Header) -> LaserScan:
-    """A scan of these metres, evenly spread over `fov` radians from right to left."""
+def make_scan(ranges: Sequence[float], fov: float, stamp: int, robot_id: int) -> LaserScan:
+    """A robot's scan of these metres at `stamp` (ns), evenly spread over `fov` radians from right to left."""
     return LaserScan(
-        header=header,
+        header=Header(time_from_ns(stamp), names.robot_frame(robot_id, names.BASE_LASER_LINK)),
         angle_min=-0.5 * fov,
         angle_max=0.5 * fov,
         angle_increment=fov / (len(ranges) - 1) if len(ranges) > 1 else 0.0,
@@ -50,10 +50,6 @@ def lookup_in(poses: Mapping[int, tuple[float, float, float]], stamp: int) -> Fi
         return known[target].inverse().compose(known[source]), stamp
 
     return lookup
-
-
-def laser_frame(robot_id: int) -> str:
-    return names.robot_frame(robot_id, names.BASE_LASER_LINK)
 
 
 Poses = Mapping[int, tuple[float, float, float]]
@@ -95,10 +91,6 @@ def room(beams: int = _BEAMS) -> np.ndarray:
     return _HALF_ROOM / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
 
 
-def _all(value: float) -> np.ndarray:
-    return np.full(_BEAMS, value)
-
-
 def empty_messages(inputs: Mapping[str, Any], robots: Collection[int] = ()) -> Mapping[str, Any]:
     """What views hold of `inputs`, as a behaviour declares them, when these robots have sent empty messages."""
     found: dict[str, Any] = {}
@@ -117,7 +109,7 @@ def make_views(
         seconds += dt
         now, scan, odom = to_ns(seconds), None, None
         if ranges is not None:
-            scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
+            scan = make_scan(ranges.tolist(), _FOV, now, ROBOT)
             # As of a scan that came over the bus.
             scan.ranges.flags.writeable = False
             odom = Odometry(Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)), base)
@@ -149,10 +141,10 @@ _NEAR = np.where(np.abs(np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)) < 0.5, 0.1
 
 SITUATIONS: dict[str, list[Moment]] = {
     "in the middle of a room": steady(),
-    "all beams say nothing (nan)": steady(_all(math.nan)),
-    "all beams meet nothing (inf)": steady(_all(math.inf)),
-    "all beams meet nothing (30 m)": steady(_all(RANGE_MAX)),
-    "all ranges are 0": steady(_all(0.0)),
+    "all beams say nothing (nan)": steady(np.full(_BEAMS, math.nan)),
+    "all beams meet nothing (inf)": steady(np.full(_BEAMS, math.inf)),
+    "all beams meet nothing (30 m)": steady(np.full(_BEAMS, RANGE_MAX)),
+    "all ranges are 0": steady(np.full(_BEAMS, 0.0)),
     "every second beam is nan": steady(np.where(np.arange(_BEAMS) % 2, math.nan, room())),
     "a laser of 1 beam": steady(np.array([_HALF_ROOM])),
     "a laser of 2 beams": steady(room(2)),

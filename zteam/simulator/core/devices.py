@@ -56,9 +56,7 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
 
     def find(i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
         """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
-
-        `places` are the targets' poses in `map`.
-        """
+        `places` are the targets' poses in `map`."""
         dx, dy = places[:, 0] - here.x, places[:, 1] - here.y
         far = np.hypot(dx, dy)
         bearing = np.remainder(np.arctan2(dy, dx) - here.yaw + math.pi, math.tau) - math.pi

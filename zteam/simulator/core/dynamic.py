@@ -362,15 +362,9 @@ def _find_border(occupied: NDArray[np.bool_]) -> Lines:
 
 def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Runs (line, begin, end) along axis 1 where occupied and free meet across axis 0."""
-    rows, columns = occupied.shape
-    padded = np.zeros((rows + 2, columns), bool)
-    padded[1:-1] = occupied
-    border = np.zeros((rows + 1, columns + 2), np.int8)
-    border[:, 1:-1] = padded[1:] != padded[:-1]
-    change = np.diff(border, axis=1)
-    lines, begins = np.nonzero(change == 1)
-    _, ends = np.nonzero(change == -1)
-    return lines, begins, ends
+    border = np.diff(occupied, axis=0, prepend=False, append=False)
+    lines, ends = np.nonzero(np.diff(border, axis=1, prepend=False, append=False))
+    return lines[::2], ends[::2], ends[1::2]
 
 
 def convex_parts(points: Sequence[Point2]) -> list[tuple[Point2, ...]]:

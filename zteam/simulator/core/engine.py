@@ -108,10 +108,8 @@ class Observation(msgspec.Struct, frozen=True, eq=False):
 
 
 class RobotArrays:
-    """One set of robots as arrays, in the order of their ids: what they do in a tick, and what they sense.
-
-    It takes over the state of the previous set.
-    """
+    """One set of robots as arrays, in the order of their ids: what they do in a tick, and what they sense. It takes
+    over the state of the previous set."""
 
     def __init__(
         self, world: World, robots: Mapping[int, Robot], plans: Plans, options: Options, seed: int,
@@ -247,17 +245,15 @@ class Engine:
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
-        return self._assembled().odometry.start(self._index(robot_id))
+        return Pose2(*self._assembled().bases.start[self._index(robot_id)].tolist())
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""
         return pose_of(self._assembled().bodies.poses[self._index(robot_id)].tolist())
 
     def standing(self) -> tuple[Collection[int], Floats, NDArray[np.bool_]]:
-        """The robots' ids, their poses (robots, 3: x, y, yaw in `map`, not wrapped), and whether each is blocked.
-
-        The arrays are the engine's own: they change with it.
-        """
+        """The robots' ids, their poses (robots, 3: x, y, yaw in `map`, not wrapped), and whether each is blocked. The
+        arrays are the engine's own: they change with it."""
         arrays = self._assembled()
         return arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled
 
@@ -272,10 +268,8 @@ class Engine:
         self._arrays, self._outdated = None, True
 
     def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
-        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
-
-        With `checked`, also if it has no room there: in a wall, a robot or a thing, or outside of the world.
-        """
+        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id. With
+        `checked`, also if it has no room there: in a wall, a robot or a thing, or outside of the world."""
         if robot_id in self._robots:
             raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
         if checked:
@@ -293,10 +287,8 @@ class Engine:
         self._outdated = True
 
     def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
-        """Place a robot at a pose in `map`, where it stands still; its odometry goes on as if it had not moved.
-
-        Raises UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room.
-        """
+        """Place a robot at a pose in `map`, where it stands still; its odometry goes on as if it had not moved. Raises
+        UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room."""
         if not all(np.isfinite(pose)):
             raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
         arrays = self._assembled()

@@ -45,10 +45,8 @@ Readings = list[list[Reading]]
 
 
 class _Batch:
-    """Rangers of one kind: they share beams and range, so one kernel call serves them.
-
-    Stage's noise is a variance, a share of the range and a share of the increment, the latter two half widths.
-    """
+    """Rangers of one kind: they share beams and range, so one kernel call serves them. Stage's noise is a variance, a
+    share of the range and a share of the increment, the latter two half widths."""
 
     def __init__(self, mounts: list[_Mount], options: Options) -> None:
         self.mounts = mounts

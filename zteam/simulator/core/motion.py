@@ -150,10 +150,8 @@ def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocit
 
 
 class WheelOdometry:
-    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames.
-
-    Without errors they are the true poses, seen from the place where odometry is zero.
-    """
+    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames. Without errors
+    they are the true poses, seen from the place where odometry is zero."""
 
     def __init__(
         self, bases: Bases, robots: Sequence[Robot], ids: Sequence[int], alphas: tuple[float, ...] | None, seed: int
@@ -205,7 +203,3 @@ class WheelOdometry:
     def carry(self, i: int, pose: Pose2) -> None:
         """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""
         self._start[i] = pose.compose(Pose2(*self.poses[i].tolist()).inverse())
-
-    def start(self, i: int) -> Pose2:
-        """The pose in `map` of robot `i`'s `odom` frame, as if its odometry were exact."""
-        return Pose2(*self._start[i].tolist())

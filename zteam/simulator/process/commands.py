@@ -194,10 +194,8 @@ class Holds:
             self._on_change()
 
     def learn(self) -> None:
-        """At the start, when this process answers already: find out from the robots' processes which are stopped.
-
-        A robot without one is stopped if all that have one are. It waits.
-        """
+        """At the start, when this process answers already: find out from the robots' processes which are stopped. A
+        robot without one is stopped if all that have one are. It waits."""
         found = ask_stopped(self._bus, names.ALL_ROBOTS)
         told = {robot_id: reply.is_stopped for robot_id, reply in found if reply.by != names.SIMULATOR}
         team = bool(told) and all(told.values())

@@ -28,10 +28,8 @@ class Start(Enum):
 
 
 class OpenTick:
-    """The tick that the participants are to answer, and the rules by which it ends.
-
-    Names are process names: `robot_1`, `tf`, … One that is dropped lives, so an answer that it gave still counts.
-    """
+    """The tick that the participants are to answer, and the rules by which it ends. Names are process names: `robot_1`,
+    `tf`, … One that is dropped lives, so an answer that it gave still counts."""
 
     def __init__(self, expected: Iterable[str] = (), *, gate: bool = True) -> None:
         """The first tick is held until all `expected` processes take part and, with `gate`, until GO."""
@@ -75,10 +73,8 @@ class OpenTick:
         return self.message.tick > 0 and (alive or name in self.message.participants)
 
     def note_return(self, name: str, session: str) -> bool:
-        """A token has come. True, once, if it is that of a participant that had left: frozen or without a link.
-
-        A process that has ended comes back with another session.
-        """
+        """A token has come. True, once, if it is that of a participant that had left: frozen or without a link. A
+        process that has ended comes back with another session."""
         back = (name, session) in self._gone and not self.held
         self._gone.discard((name, session))
         self.hung += [name] if back else []
@@ -195,10 +191,8 @@ class OpenTick:
         return ", ".join(silent)
 
     def complaint(self, waited: float, lacking: Mapping[str, str] | None) -> str:
-        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above.
-
-        None: no process answers anything, so of several participants the router may be at fault, and none is named.
-        """
+        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above. None: no process
+        answers anything, so of several participants the router may be at fault, and none is named."""
         holders = self.waiting_for(lacking)
         if self.held:
             return f"the first tick is held: waiting for {holders}"

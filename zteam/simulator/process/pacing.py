@@ -110,10 +110,8 @@ class Pacer:
 
 
 class TickBoundary:
-    """Between two ticks: the main loop waits here for the next one, and makes the changes that were asked for.
-
-    The main loop calls `wait_for_tick` and `finish`; the threads of queries call the rest.
-    """
+    """Between two ticks: the main loop waits here for the next one, and makes the changes that were asked for. The main
+    loop calls `wait_for_tick` and `finish`; the threads of queries call the rest."""
 
     def __init__(self, node: ProcessNode, pacer: Pacer) -> None:
         self._node = node

@@ -33,10 +33,8 @@ ANSWER_SHARE = 0.4
 
 
 class Simulation:
-    """A world on the bus: its ticks, the count of its run, and the changes that are asked for.
-
-    The main loop calls all of it, but for `set_go`, `status` and `report`, which any thread may call.
-    """
+    """A world on the bus: its ticks, the count of its run, and the changes that are asked for. The main loop calls all
+    of it, but for `set_go`, `status` and `report`, which any thread may call."""
 
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
         self.world, self._options, self._instance = world, options, node.bus.instance
@@ -190,10 +188,8 @@ class Simulation:
         )
 
     def repeat(self, participants: Sequence[str] = ()) -> None:
-        """Send the last tick's data again, for processes that have not received it.
-
-        Of `participants` (lock-step) that are all robots, only the inputs: those of other processes are not known.
-        """
+        """Send the last tick's data again, for processes that have not received it. Of `participants` (lock-step) that
+        are all robots, only the inputs: those of other processes are not known."""
         observation, outputs = self._observation, self.outputs
         assert observation is not None
         robots = {names.robot_id_of(name) for name in participants} or {None}

@@ -13,8 +13,8 @@ from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import MODELS
-from zteam.simulator.world.model import Floorplan, Shape
-from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
+from zteam.simulator.world.model import Shape
+from zteam.simulator.world.properties import Pose3, Reader, Size3
 from zteam.simulator.world.text import find_file
 
 DARK = 127.5
@@ -41,10 +41,9 @@ Surface = tuple[float, bool, str]
 
 
 def read_bitmap(path: Path) -> Grid:
-    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; a pixel that is more transparent than not
-    is free, as in a viewer with a white ground. Stage does not look at alpha; no world of its own tells the difference.
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; raises WorldError, as `read_channels` does.
 
-    Raises WorldError, as `read_channels` does.
+    A pixel that is more transparent than not is free, as in a viewer with a white ground. Stage does not look at alpha.
     """
     pixels = read_channels(path)[::-1]
     is_solid = pixels[:, :, -1] > DARK if pixels.shape[2] in (2, 4) else True
@@ -61,10 +60,8 @@ def occupied_box(occupied: Grid) -> Box | None:
 
 
 def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
-    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above.
-
-    None if there are more than `limit`.
-    """
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above. None if
+    there are more than `limit`."""
     steps = np.diff(occupied, axis=1, prepend=False, append=False)
     rows, columns = np.nonzero(steps)
     if rows.size > 2 * limit * len(occupied):
@@ -158,6 +155,8 @@ class Body(NamedTuple):
     """Fitted to `size`, centred, and the slabs of a boundary; not the bitmap."""
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
+    picture: tuple[int, ...]
+    """Rows and columns of the picture that the bitmap was cropped from, or of the whole one."""
 
 
 def read_body(reader: Reader) -> Body:
@@ -166,17 +165,18 @@ def read_body(reader: Reader) -> Body:
     found_blocks = [_read_block(reader.of(child)) for child in entity.children if child.type == "block"]
     blocks = [block for block in found_blocks if block is not None]
     bitmap: Grid | None = None
+    picture: tuple[int, ...] = ()
     if reader.has("bitmap"):
         if blocks:
             reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
-        blocks, (bitmap, floor) = [], _read_bitmap(reader)
+        blocks, (bitmap, floor, picture) = [], _read_bitmap(reader)
         if floor is not None:
-            home = floor.map_from_middle
+            x, y, yaw = floor.map_from_corner.compose(Pose2(floor.size[0] / 2, floor.size[1] / 2, 0.0))
             size = size if reader.has("size") else Size3(*floor.size, FLOOR_HEIGHT)
-            pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
+            pose = pose if reader.has("pose") else Pose3(x, y, 0.0, yaw)
     elif not blocks:
         sensing = MODELS.get(entity.type)
-        has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
+        has_body = entity.type != "camera" if sensing is None else sensing.has_body
         blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
@@ -188,7 +188,7 @@ def read_body(reader: Reader) -> Body:
     origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
     surface = intensity, reader.flag("obstacle_return", True), _read_color(reader)
     fitted = fit_blocks(blocks, size) if blocks else []
-    return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap)
+    return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap, picture)
 
 
 def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
@@ -201,24 +201,14 @@ def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
         known[key] = rectangles(body.bitmap, MAX_RECTANGLES) or []
     boxes = known[key]
     if not boxes:
-        reader.remark_entity(f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
+        reader.remark("", f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]
     reader.add_up("bitmap", "points of blocks", 4 * len(boxes), MAX_ALL_POINTS)
-    cell_x, cell_y = body.size.x / columns, body.size.y / rows
-    corners = [(left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2) for bottom, _, left, _ in boxes]
-    sides = [((right - left) * cell_x, (top - bottom) * cell_y) for bottom, top, left, right in boxes]
-    places = zip(corners, sides, strict=True)
-    return *body.blocks, *(_box(x, y, x + width, y + depth, body.size.z) for (x, y), (width, depth) in places)
-
-
-def place_floorplan(
-    body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str, picture: tuple[int, ...]
-) -> Floorplan:
-    """A bitmap that stands still, of a picture of this shape: its cells fill the box of the model's size."""
-    rows, columns = occupied.shape
-    pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
-    cell = body.size.x / columns, body.size.y / rows
-    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface, picture)
+    # Edges of columns and of rows, from the middle.
+    x = (np.arange(columns + 1) * (body.size.x / columns) - body.size.x / 2).tolist()
+    y = (np.arange(rows + 1) * (body.size.y / rows) - body.size.y / 2).tolist()
+    found = (_box(x[left], y[bottom], x[right], y[top], body.size.z) for bottom, top, left, right in boxes)
+    return *body.blocks, *found
 
 
 def _read_color(reader: Reader) -> str:
@@ -231,13 +221,13 @@ def _read_color(reader: Reader) -> str:
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
-def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
-    """The bitmap of a model, and the map_server YAML that it is of. It has none if none is named, or if it is white all
-    over and Stage finds no polygon in it."""
+def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None, tuple[int, ...]]:
+    """The bitmap of a model, the map_server YAML that it is of, and the shape of its picture. It has none if none is
+    named, or if it is white all over and Stage finds no polygon in it."""
     name, settings = reader.text("bitmap", ""), reader.settings
     if not name:
         reader.remark("bitmap", "no bitmap is named: no body")
-        return None, None
+        return None, None, ()
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
@@ -252,17 +242,17 @@ def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
             if is_floor_map(Path(reader.entity.place.file)):  # a world by itself, which the error names
                 raise
             reader.fail("bitmap", str(error))
+        picture = occupied.shape
         if reading == "crop" and floor is None:
             bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
-            whole, occupied = occupied.shape, occupied[bottom:top, left:right].copy()
-            settings.pictures[id(occupied)] = whole
+            occupied = occupied[bottom:top, left:right].copy()
         reader.add_up("bitmap", "pixels of bitmaps", occupied.size, MAX_PIXELS)
-        settings.bitmaps[key] = occupied, floor
-    occupied, floor = settings.bitmaps[key]
-    if floor is not None or occupied.size:
-        return occupied, floor
+        settings.bitmaps[key] = occupied, floor, picture
+    found = settings.bitmaps[key]
+    if found[1] is not None or found[0].size:
+        return found
     reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
-    return None, None
+    return None, None, ()
 
 
 def _read_block(reader: Reader) -> Block | None:
@@ -283,6 +273,6 @@ def _read_block(reader: Reader) -> Block | None:
         reader.remark("points", "a block without an area is ignored")
         return None
     if not is_simple(points):
-        reader.remark_entity("this block's outline crosses itself: its convex hull is taken")
+        reader.remark("", "this block's outline crosses itself: its convex hull is taken")
         points = convex_hull(points)
     return Block(points, z_min, z_max)

@@ -15,7 +15,7 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, place_blocks, read_body, solid_blocks
 from zteam.simulator.world.devices import MODELS
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
@@ -168,9 +168,12 @@ class Builder:
             chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
-            map_from_body = owner_from_model.compose(body.origin.planar)
-            picture = self._settings.pictures.get(id(body.bitmap), body.bitmap.shape)
-            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_body, lift, name, picture))
+            (rows, columns), size, top = body.bitmap.shape, body.size, lift + body.size.z
+            corner = Pose2(-size.x / 2, -size.y / 2, 0.0)
+            map_from_corner = owner_from_model.compose(body.origin.planar).compose(corner)
+            cell = size.x / columns, size.y / rows
+            plan = Floorplan(name, body.bitmap, cell, map_from_corner, lift, top, *body.surface, body.picture)
+            self.floorplans.append(plan)
         if chassis is None and body.blocks:
             shapes = place_blocks(body.blocks, base_from_body, lift, body.surface)
             title = name if body.bitmap is None else f"{name}.boundary"
@@ -180,7 +183,7 @@ class Builder:
             x, y, yaw = base_from_body
             chassis.devices.extend(sensing.read(reader, name, Pose3(x, y, lift, yaw)))
         elif sensing is not None:
-            reader.remark_entity(f"a {entity.type} that no robot carries is not simulated")
+            reader.remark("", f"a {entity.type} that no robot carries is not simulated")
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
         own = Mount(owner_from_model, top, chassis, name + ".")
         for child in entity.children:
@@ -207,13 +210,13 @@ class Builder:
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         known, macros = TYPES | frozenset(sensing), self._settings.macros
         if kind not in known:
-            if kind in macros:
-                raise place.error(f"{kind!r:.60} is defined further down, at {macros[kind]}: move its definition up")
+            if macro := macros.get(kind):
+                raise place.error(f"{kind!r:.60} is defined further down, at {macro.place}: move its definition up")
             hint = did_you_mean(kind, sorted(known | macros.keys()), form=MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in UNSUPPORTED:
-            reader.remark_entity(f"{UNSUPPORTED[kind]} not simulated")
+            reader.remark("", f"{UNSUPPORTED[kind]} not simulated")
         else:
             reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
 
@@ -249,8 +252,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    macros = {name: macro.place for name, macro in document.macros.items()}
-    settings = Settings(path.parent, remarks, whole_bitmaps, macros)
+    settings = Settings(path.parent, remarks, whole_bitmaps, document.macros)
     settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
     reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)

@@ -4,17 +4,16 @@ import re
 import zlib
 
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
-_SHADE = re.compile(r"(.*?)([0-9]+)")
+_GREY = re.compile(r"gr[ae]y(100|[0-9]{1,2})")
+_SHADE = re.compile(r"(.*[a-z])([1-4])")
 # X11's numbered shades of a colour: "red1" is red itself, "red4" a dark one.
 _SHADES = {"1": 1.0, "2": 0.932, "3": 0.804, "4": 0.545}
 _ONLY_X11 = {"lightgoldenrod": "#eedd82", "lightslateblue": "#8470ff", "navyblue": "#000080", "violetred": "#d02090"}
 
 
 def find_color(name: str) -> tuple[float, float, float] | None:
-    """Channels 0 to 1 of an X11 name or #rrggbb; None for an unknown name.
-
-    The numbered shades are X11's rule of thumb, within two steps of 255 of its table.
-    """
+    """Channels 0 to 1 of an X11 name or #rrggbb; None for an unknown name. The numbered shades are X11's rule of thumb,
+    within two steps of 255 of its table."""
     from PIL import ImageColor  # imported only where the channels are needed
 
     plain = name.replace(" ", "").lower()
@@ -22,17 +21,14 @@ def find_color(name: str) -> tuple[float, float, float] | None:
     if _HEX.fullmatch(plain) or plain in ImageColor.colormap:
         r, g, b = ImageColor.getrgb(plain)[:3]
         return r / 255, g / 255, b / 255
-    shade = _SHADE.fullmatch(plain)
-    if shade is None:
-        return None
-    stem, number = shade[1], shade[2]
-    if stem in ("gray", "grey") and len(number) <= 3 and int(number) <= 100:
-        level = int(number) / 100
+    if grey := _GREY.fullmatch(plain):
+        level = int(grey[1]) / 100
         return level, level, level
-    base = find_color(stem) if stem and number in _SHADES else None
-    if base is None:
+    shade = _SHADE.fullmatch(plain)
+    base = find_color(shade[1]) if shade else None
+    if shade is None or base is None:
         return None
-    red, green, blue = (channel * _SHADES[number] for channel in base)
+    red, green, blue = (channel * _SHADES[shade[2]] for channel in base)
     return red, green, blue
 
 

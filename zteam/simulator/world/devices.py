@@ -28,7 +28,7 @@ def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
         limits = reader.number("range_min", 0.0, "l"), reader.number("range_max", 8.0, "l")
         return _read_sensor(reader, name, seat, limits, math.pi, 180)
     if not sensors:
-        reader.remark_entity("this ranger has no sensor( )")
+        reader.remark("", "this ranger has no sensor( )")
     found: list[Ranger] = []
     for i, own in enumerate(sensors):
         own.remark_unused("sensor")
@@ -41,10 +41,8 @@ def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
 def _read_sensor(
     reader: Reader, name: str, foot: Pose3, limits: Point2 = (0.0, 5.0), fov: float = 0.1, samples: int = 1
 ) -> list[Ranger]:
-    """The sensor that stands at `foot` in the base frame, its z above the ground; none if it has no rays.
-
-    `limits` (of the range), `fov` and `samples` are defaults. The rays start half-way up.
-    """
+    """The sensor that stands at `foot` in the base frame, its z above the ground; none if it has no rays. `limits` (of
+    the range), `fov` and `samples` are defaults. The rays start half-way up."""
     range_name = "range" if reader.has("range") else "range_max"
     low, high = reader.numbers("range", "ll", limits)
     if not high > 0:

@@ -68,8 +68,8 @@ def draw_world(world: World, path: Path, *, width: int = 1200, fans: Mapping[int
 
 
 def _make_view(world: World, width: int) -> _View:
-    corners = [plan_corners(plan) for plan in world.floorplans]
     things: list[Obstacle | Robot] = [*world.obstacles, *world.robots]
+    corners = [*map(plan_corners, world.floorplans)]
     corners += [place_shape(thing.pose, shape) for thing in things for shape in thing.shapes]
     corners.append(np.array([robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]))
     points = np.vstack(corners)

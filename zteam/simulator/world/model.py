@@ -183,9 +183,7 @@ _NO_LIMITS = Limits(*[(-math.inf, math.inf)] * 3)
 
 def footprint(robot: Robot) -> tuple[Point2, ...]:
     """The convex hull of all shapes that collide, counter-clockwise in the base frame; of all shapes if none collides.
-
-    Heights do not count. A robot without a body has no corners.
-    """
+    Heights do not count. A robot without a body has no corners."""
     solid = [shape for shape in robot.shapes if shape.obstacle] or robot.shapes
     points = [point for shape in solid for point in shape.points]
     return convex_hull(points) if points else ()

@@ -28,10 +28,8 @@ _TOUCH = 1e-6
 
 
 def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
-    """What keeps `robot` from standing at its pose, as `would stand …`; empty if nothing does.
-
-    `others` are the robots that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall.
-    """
+    """What keeps `robot` from standing at its pose, as `would stand …`; empty if nothing does. `others` are the robots
+    that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall."""
     outside = _find_outside(world, robot.pose)
     if outside:
         return outside
@@ -54,27 +52,22 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
 
 def find_places(occupied: Grid, cell: float, count: int) -> list[Point2]:
     """At most `count` places for robots, all over the free room of a bitmap with square cells of `cell` metres: x, y
-    from its lower left corner. Room that is open to the edge is taken only if there is not enough inside."""
-    from PIL import Image, ImageDraw
-
-    # In free squares, of which there are never so many that filling takes long.
-    side = max(1, math.ceil(START_ROOM / cell), max(occupied.shape) // 1000)
+    from its lower left corner. Room without a wall on each of its four sides is taken only if the rest is not enough.
+    """
+    side = max(1, math.ceil(START_ROOM / cell))
     rows, columns = (length // side for length in occupied.shape)
-    free = ~occupied[: rows * side, : columns * side].reshape(rows, side, columns, side).any(axis=(1, 3))
-    # Filling has no effect on an image that is the array itself.
-    image = Image.fromarray(np.pad(free, 1, constant_values=True).astype(np.uint8)).copy()
-    ImageDraw.floodfill(image, (0, 0), 2)
-    inside = np.asarray(image)[1:-1, 1:-1] == 1
-    found = np.argwhere(inside if np.count_nonzero(inside) >= count else free)
+    taken = occupied[: rows * side, : columns * side].reshape(rows, side, columns, side).any(axis=(1, 3))
+    inside = ~taken
+    for axis in (0, 1):
+        inside &= np.logical_or.accumulate(taken, axis) & np.flip(np.logical_or.accumulate(np.flip(taken), axis))
+    found = np.argwhere(inside if np.count_nonzero(inside) >= count else ~taken)
     chosen = found[np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int)]
     return [(x, y) for y, x in ((chosen + 0.5) * (side * cell)).round(6).tolist()]
 
 
 def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
-    """The world's own robots that have no room at their start poses, and what keeps each from standing there.
-
-    Of two robots in the same place it is the second.
-    """
+    """The world's own robots that have no room at their start poses, and what keeps each from standing there. Of two
+    robots in the same place it is the second."""
     for robot_id, robot in enumerate(world.robots):
         hindrance = find_hindrance(world, robot, dict(enumerate(world.robots[:robot_id])))
         if hindrance:
@@ -87,6 +80,11 @@ def find_bounds(world: World) -> tuple[Floats, Floats] | None:
     return (np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)) if corners else None
 
 
+def least_cell(width: float, height: float) -> float:
+    """Metres a cell, two digits rounded up, of which a map of this size has no more than MAX_MAP_CELLS."""
+    return float(f"{1.05 * math.sqrt(width * height / MAX_MAP_CELLS):.2g}")
+
+
 def map_metadata(world: World, resolution: float, most: float = math.inf) -> MapMetaData:
     """Origin and size of the map of everything that stands still. Raises UsageError for more than `most` cells."""
     # A world may be empty: its robots come later.
@@ -94,8 +92,7 @@ def map_metadata(world: World, resolution: float, most: float = math.inf) -> Map
     low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-6)
     if columns * rows > most:
-        # Two digits, rounded up.
-        enough = float(f"{1.05 * resolution * math.sqrt(columns * rows / most):.2g}")
+        enough = least_cell(columns * resolution, rows * resolution)
         raise UsageError(
             f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
             f"cell: say map_resolution = {enough:g} in [simulation] of the team file, or --map-resolution {enough:g}"

@@ -10,7 +10,7 @@ with a remark (it would change what robots do). Any other property is remarked a
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Set
+from collections.abc import Collection, Mapping, Set
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -19,7 +19,7 @@ import msgspec
 from zteam.config.map_files import FloorMap, Grid
 from zteam.errors import did_you_mean
 from zteam.geometry import FAR, Pose2
-from zteam.simulator.world.parser import Entity, Property, Value
+from zteam.simulator.world.parser import Entity, Macro, Property, Value
 from zteam.simulator.world.text import Remarks, TextPlace
 
 MEANT = " (did you mean {!r}?)"
@@ -33,9 +33,6 @@ UNSUPPORTED = {
     "lightindicator": "lights are",
 }
 """Stage's other devices; their bodies, and the models on them, are there all the same."""
-
-BODILESS = frozenset({"camera"})
-"""Unsupported types with no body unless they have blocks."""
 
 TYPES = frozenset({"model", "position", *UNSUPPORTED})
 """Types of models, except those that sense (`zteam.simulator.world.devices`)."""
@@ -118,15 +115,13 @@ class Settings(msgspec.Struct, frozen=True):
     folder: Path
     remarks: Remarks
     whole_bitmaps: bool = False
-    macros: dict[str, TextPlace] = msgspec.field(default_factory=dict)
-    """Where each macro of the file is defined, for error texts."""
+    macros: Mapping[str, Macro] = {}
+    """Of the file, for error texts."""
     units: Units = Units()
-    bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None]] = msgspec.field(default_factory=dict)
-    """Bitmaps read so far, by file and reading: many models may share one."""
+    bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None, tuple[int, ...]]] = msgspec.field(default_factory=dict)
+    """Bitmaps read so far, with the shapes of their pictures, by file and reading: many models may share one."""
     boxes: dict[int, list[tuple[int, int, int, int]]] = msgspec.field(default_factory=dict)
     """Rectangles of bitmaps on robots, by the bitmap's identity; none if there are too many."""
-    pictures: dict[int, tuple[int, int]] = msgspec.field(default_factory=dict)
-    """Rows and columns of the pictures that bitmaps were cropped from, by the bitmap's identity."""
     counts: Counter[str] = msgspec.field(default_factory=Counter)
     """Of what a small file must not make so much that it takes long or fills the memory."""
 
@@ -143,10 +138,8 @@ class Reader:
         return Reader(entity, self.settings)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
-        """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type.
-
-        `also` names what a model of this type reads besides the properties of every model.
-        """
+        """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type. `also`
+        names what a model of this type reads besides the properties of every model."""
         read, silent = READ.get(kind, _MODEL) | also, SILENT.get(kind, _DISPLAY)
         for name, found in self.entity.properties.items():
             plain = _INDEX.sub("[]", name)
@@ -172,12 +165,8 @@ class Reader:
         raise self.place(name).error(text)
 
     def remark(self, name: str, text: str) -> None:
-        """Note what is done about a property."""
+        """Note what is done about a property; with an empty name, about the entity as a whole."""
         self.settings.remarks.add(self.place(name), text)
-
-    def remark_entity(self, text: str) -> None:
-        """Note something about the entity as a whole."""
-        self.settings.remarks.add(self.entity.place, text)
 
     def add_up(self, name: str, what: str, number: int, most: int) -> None:
         """Count what all models of a world have together; raises WorldError at a property by which it is too much."""

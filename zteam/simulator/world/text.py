@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from zteam.config.foreign_files import refuse_foreign
-from zteam.config.resources import read_file
+from zteam.config.resources import existing_file, read_file
 from zteam.errors import WorldError
 from zteam.simulator.world.model import Remark
 
@@ -66,26 +65,17 @@ def find_file(name: str, folder: Path) -> Path | None:
     There it is looked for by base name, as Stage does, and by its whole name: an include that Stage finds there may
     name its own bitmaps, which Stage then finds beside it.
     """
-    try:
-        beside = folder / name  # an absolute name wins over the folder
-        if beside.is_file():
-            return beside
-        for other in filter(None, os.environ.get("STAGEPATH", "").split(os.pathsep)):
-            for candidate in (Path(other) / Path(name).name, Path(other) / name):
-                if candidate.is_file():
-                    return candidate
-    except (OSError, ValueError):  # a name no file can have: too long, a NUL in it
-        pass
-    return None
+    candidates = [folder / name]  # an absolute name wins over the folder
+    for other in filter(None, os.environ.get("STAGEPATH", "").split(os.pathsep)):
+        candidates += [Path(other) / Path(name).name, Path(other) / name]
+    return next(filter(existing_file, candidates), None)
 
 
 def read_text(path: Path) -> str:
-    """The text of a world file; raises WorldError without a place. Bytes that are not UTF-8 become U+FFFD."""
-    refuse_foreign(path, "a world of Stage", WorldError)
-    data = read_file(path, "world file", MAX_FILE_BYTES, WorldError)
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise WorldError(f"{path}: UTF-16 text; save it as UTF-8")
-    return data.decode("utf-8-sig", "replace")
+    """The text of a world file; raises WorldError without a place. What is no text in its encoding becomes U+FFFD."""
+    data = read_file(path, "world file", MAX_FILE_BYTES, WorldError, own="")
+    is_wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if is_wide else "utf-8-sig", "replace")
 
 
 class TokenKind(enum.Enum):

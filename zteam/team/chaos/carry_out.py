@@ -244,8 +244,7 @@ def carry_out(
 def carry_out_beside(
     plan: Sequence[Fault], watchdog: Watchdog, means: Means, planned: Callable[[Fault], bool]
 ) -> Callable[[], ChaosReport]:
-    """Carry out the plan of a run in a thread. The function that is returned ends what is open, and reports; a second
-    call reports the same."""
+    """Carry out the plan of a run in a thread. What is returned ends what is open, and reports, each time the same."""
     stopping, pool = threading.Event(), ThreadPoolExecutor(1, "chaos")
     result = pool.submit(carry_out, plan, watchdog, means, planned=planned, stopping=stopping.is_set)
     # The thread ends with the plan.

@@ -54,7 +54,6 @@ class Link:
         self._changed = self._loop.create_future()
 
     async def serve(self) -> None:
-        """Accept connections and pass them on."""
         # Not `async with`: from Python 3.12 on its end waits for all connections.
         server = await asyncio.start_server(self._pass_on, sock=self._listener)
         with closing(server):

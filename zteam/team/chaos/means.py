@@ -159,8 +159,7 @@ class Means(NamedTuple):
 
 
 def strike(fault: Fault, means: Means) -> Callable[[], object]:
-    """Begin a fault; returns what ends it, which is nothing for a kill, and where the simulator does so. Both raise
-    ZteamError."""
+    """Begin a fault; returns what ends it, which is nothing where it ends by itself. Both raise ZteamError."""
     name = fault.name
     if means.simulate is not None and is_simulated(fault):
         means.simulate(fault)
@@ -236,7 +235,6 @@ def _between(bounds: tuple[float, float], share: float) -> float:
 
 
 def plan_text(faults: Sequence[Fault], comment: str = "") -> str:
-    """A plan as a TOML file."""
     tables = []
     for fault in faults:
         unused = {"kill": ("for", "delay", "rate"), "slow": ()}.get(fault.fault, ("delay", "rate"))

@@ -6,10 +6,11 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from zteam import names
+from zteam.config.numbers import Coordinate
 from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
-from zteam.geometry import FAR, Pose2, quaternion_from_rpy, turn_problem
+from zteam.geometry import Pose2, quaternion_from_rpy, turn_problem
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.messages.base import BaseOverride
 
@@ -79,7 +80,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        if not self.has_process and (needless := next(iter(self.params), self.navigation and "navigation")):
+        needless = next(iter(self.params), "" if self.navigation is False else "navigation")
+        if needless and not self.has_process:
             raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
@@ -115,12 +117,12 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     parent: Text
     child: Text
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    yaw: float = 0.0
-    pitch: float = 0.0
-    roll: float = 0.0
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    z: Coordinate = 0.0
+    yaw: Coordinate = 0.0
+    pitch: Coordinate = 0.0
+    roll: Coordinate = 0.0
     qx: float | None = None
     qy: float | None = None
     qz: float | None = None
@@ -129,10 +131,8 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if len({"", names.strip_slash(self.parent), names.strip_slash(self.child)}) < 3:
             raise KeyValueError("child", "must be the name of another frame than parent")
-        for name in ("x", "y", "z", "yaw", "pitch", "roll"):
-            if not abs(getattr(self, name)) <= FAR:
-                raise KeyValueError(name, f"{getattr(self, name)} is no number to place a frame with")
-            if len(name) > 1 and (text := turn_problem(getattr(self, name))):
+        for name in ("yaw", "pitch", "roll"):
+            if text := turn_problem(getattr(self, name)):
                 raise KeyValueError(name, text)
         given = self.quaternion
         # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.

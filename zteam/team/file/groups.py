@@ -71,7 +71,6 @@ class Expansion:
             self._add(table)
 
     def _add(self, table: Table) -> None:
-        """Add the robots of a [[robots]] table."""
         if "ids" not in table:
             if "pose_step" in table:
                 self._tell(table, "pose_step", "it belongs to ids: it leads from one pose to the next")

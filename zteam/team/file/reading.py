@@ -93,8 +93,7 @@ def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
 
 
 def set_map_resolution(file: TeamFile, metres: float | None) -> None:
-    """Let the simulator's map have cells of this size, not that of the team file; None changes nothing. Raises
-    ValueError."""
+    """Let cells of the simulator's map have this size, not the team file's; None changes nothing. Raises ValueError."""
     if metres is not None:
         simulation = msgspec.structs.replace(file.team.simulation, map_resolution=metres)
         file.team = msgspec.structs.replace(file.team, simulation=simulation)

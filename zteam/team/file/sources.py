@@ -14,7 +14,7 @@ import msgspec
 
 from zteam.config import resources
 from zteam.config.problems import Problem
-from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, open_quote, parse_value, toml_text
+from zteam.config.toml_values import KeyPath, TomlError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
 
 MAX_BYTES = 2 * 2**20
@@ -24,10 +24,14 @@ MAX_FILES = 100
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
-_REFERENCE = re.compile(
-    rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>(?:\$(?!\{{)|[^${{}}]|{_BRACED})*))?\}}"
-)
+# Braces in quotes do not count. A quote may also stand alone.
+_QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
+_BRACED = r"\{\}"
+for _ in range(10):
+    # Tables in tables.
+    _BRACED = rf'\{{(?:{_QUOTED}|[^{{}}"]|{_BRACED})*+\}}'
+_DEFAULT = rf'(?:\$(?!\{{)|{_QUOTED}|[^${{}}"]|{_BRACED})*+'
+_REFERENCE = re.compile(rf"(?P<escape>\$?)\$\{{(?P<name>{_NAME.pattern})(?::-(?P<default>{_DEFAULT}))?\}}")
 
 
 _HINTS = {
@@ -35,8 +39,6 @@ _HINTS = {
     "Expected '=' after a key in a key/value pair": "; write key = value",
 }
 """The way out, by what tomllib finds wrong."""
-_OPEN_QUOTE = (r"Illegal character '\n'", 'Expected "\'"', "Unterminated string", "Unclosed array")
-"""How begins what it finds wrong where a quote is missing."""
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
@@ -94,7 +96,6 @@ class Table(dict[str, Any]):
         """Of keys that do not stand in the table at `place`."""
 
     def put(self, key: str, value: Any, place: KeyPlace) -> None:
-        """Set a key that stands at `place`."""
         self[key], self._places[key] = value, place
 
     def place_of(self, *path: str | int) -> KeyPlace:
@@ -116,8 +117,7 @@ class Table(dict[str, Any]):
 
 
 def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int = 99) -> Table:
-    """Both tables key by key, and the tables in them to a depth; of anything else that of `over`, but `lists` follow
-    each other."""
+    """Both tables key by key, to a depth; of anything else that of `over`, but `lists` follow each other."""
     merged = Table(over.place)
     for table in (base, over):
         for key, value in table.items():
@@ -293,18 +293,16 @@ def _is_text(holder: Any, key: str) -> bool:
 
 def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    data = resources.read_file(path, what, MAX_BYTES, ConfigError)
+    data = resources.read_file(path, what, MAX_BYTES, ConfigError, own="")
     try:
         text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
-    except TooDeepError as error:
+    except TomlError as error:
         raise ConfigError(f"{path}:{error.line}: {error}") from None
     except ValueError as error:
         # Not UTF-8, no TOML, or a number of thousands of digits.
         told, _, place = " ".join(str(error).split()).partition(" (at line ")
         line_and_column = re.findall(r"\d+", place)
-        if told.startswith(_OPEN_QUOTE) and (line := open_quote(data.decode("utf-8-sig"))):
-            told, line_and_column = "the text that begins here has no closing quote", [str(line)]
         hint = _HINTS.get(told, "")
         if path.suffix.lower() != ".toml":
             hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"

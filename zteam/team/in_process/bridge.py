@@ -142,8 +142,6 @@ class _PublisherPair(Handle):
 
 
 class _Session(MemoryTransport):
-    """The session of one node."""
-
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         return super().declare_queryable(key, answering_as(self._owner, handler))
 
@@ -216,7 +214,6 @@ class NodeSessions:
             outside.watch_tokens(["**"], self._on_token)
 
     def bus(self, owner: str) -> Bus:
-        """A session of the node `owner`."""
         outside = self._outside
         return Bus(_Session(self._hub, owner) if outside is None else _BridgedSession(self._hub, owner, self, outside))
 

@@ -7,7 +7,8 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from codecs import BOM_UTF8
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -40,13 +41,10 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
         raise error_of(file.mistakes)
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
-    topics = dict[int, list[str]]()
     driven = {i: entry for i, entry in file.robots.items() if entry.has_process}
     own = {i: entry for i, entry in driven.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with asking([_question(entry) for entry in own.values()], file.team.folders) as answers:
-        for i, entry in driven.items():
-            if i not in own:
-                problems += _behavior_problems(i, answer(_question(entry)), topics)
+    with asking([_question(entry) for entry in own.values()], file.team.folders) as wait:
+        answers = {i: answer(_question(entry)) for i, entry in driven.items() if i not in own}
         try:
             # A missing world may be a misspelt key, which is told already.
             is_told = not file.team.team.world and any(each.place.path[:1] == ("team",) for each in file.mistakes)
@@ -57,9 +55,9 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
                 problems += _world_problems(file, load_world(world_file), name, robots)
         except (ConfigError, WorldError) as error:
             told.append(str(error))
-        for i, answered in zip(own, answers(), strict=True):
-            problems += _behavior_problems(i, answered, topics)
-    problems += [*_file_problems(file), *_sensor_problems(file, name, robots, topics), *_node_problems(file)]
+        answers |= zip(own, wait(), strict=True)
+    problems += [*_behavior_problems(answers), *_file_problems(file), *_node_problems(file)]
+    problems += _sensor_problems(file, name, robots, answers)
     mistakes = [*file.mistakes, *file.table.locate(problems)]
     if mistakes:
         told.insert(0, str(error_of(mistakes)))
@@ -78,13 +76,12 @@ def _question(entry: RobotEntry) -> Question:
     return Question(spec, params, list(_ROBOT_KEYS))
 
 
-def _behavior_problems(i: int, answered: Answer, topics: dict[int, list[str]]) -> Iterator[Problem]:
-    """What is wrong with the behaviour of the robot at `i`; `topics` gets those that it declares."""
-    topics[i] = answered.topics
-    if answered.refused:
-        yield Problem(("robots", i, "behavior"), answered.refused)
-    for path, text in answered.mistakes:
-        yield Problem(("robots", i, *path), text)
+def _behavior_problems(answers: Mapping[int, Answer]) -> Iterator[Problem]:
+    for i, answered in answers.items():
+        if answered.refused:
+            yield Problem(("robots", i, "behavior"), answered.refused)
+        for path, text in answered.mistakes:
+            yield Problem(("robots", i, *path), text)
 
 
 def _refused(path: tuple[str | int, ...], read: Callable[[], object]) -> Iterator[Problem]:
@@ -148,18 +145,19 @@ def _program_fault(folder: Path, program: str) -> str:
 
 def _format_fault(path: Path, by_python: str) -> str:
     """Why the system does not take a file with the right to be executed as a program."""
-    line = b""
-    # It may be executed, and not read.
+    # One that may be executed and not read is none of these.
+    line = b"\0"
     with suppress(OSError), path.open("rb") as file:
         line = file.readline(1024)
     if line.startswith(b"MZ") and not Path("/proc/sys/fs/binfmt_misc/WSLInterop").exists():
         return f"{path} is a program for Windows"
-    if line.startswith(b"#!"):
-        if line.endswith(b"\r\n"):
-            return f"{path} has Windows line ends, so its first line names no program: save it with those of Unix"
+    if line.startswith((b"#!", BOM_UTF8 + b"#!")):
+        if line.startswith(BOM_UTF8) or line.endswith(b"\r\n"):
+            mark = "a byte order mark" if line.startswith(BOM_UTF8) else "Windows line ends"
+            return f"{path} has {mark}, so its first line names no program: save it as text of Unix, UTF-8 without mark"
         is_there = existing_file(path.parent / (os.fsdecode(line[2:]).split() or [""])[0])
         return "" if is_there else f"the first line of {path} names a program that is not there"
-    if line and all(byte >= 32 or byte in b"\t\r\n" for byte in line):
+    if all(byte >= 32 or byte in b"\t\r\n" for byte in line):
         return f"{path} is no program: begin a script with a line such as '#!/usr/bin/env python3', or say {by_python}"
     return ""
 
@@ -187,8 +185,7 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                 # Of two robots of the team only the second is told.
                 others = {j: other for j, other in standing.items() if j < entry.id or j not in ids}
                 if hindrance := find_hindrance(world, robot, others):
-                    text = f"robot {entry.id} {hindrance}"
-                    text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
+                    text = f"at its pose in {name} robot {entry.id} {hindrance}; give {robot.name!r} a free pose there"
                     yield Problem(("robots", i, "id"), text)
             elif not (entry.pose or entry.model):
                 text = f"the world has no robot {entry.id} (it has {format_robot_ids(standing) or 'none'})"
@@ -208,19 +205,19 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
 
 
 def _sensor_problems(
-    file: TeamFile, world: str, robots: Mapping[int, Robot], topics: Mapping[int, Sequence[str]]
+    file: TeamFile, world: str, robots: Mapping[int, Robot], answers: Mapping[int, Answer]
 ) -> Iterator[Problem]:
-    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`, and cars that are
-    to navigate."""
-    for i, entry in file.robots.items():
+    """Robots of the world file `world` without a sensor that their behaviour needs, and cars that are to navigate."""
+    for i, answered in answers.items():
+        entry = file.robots[i]
         robot = robots.get(entry.id)
-        if robot is None or not entry.has_process:
+        if robot is None:
             continue
-        if robot.drive == "car" and navigation_of(entry):
+        if robot.drive == "car" and navigation_of(entry) is not None:
             text = f"robot {entry.id} is a car, and navigation turns on the spot: give it a model with drive 'diff' or"
             yield Problem(("robots", i, "navigation"), f"{text} 'omni', or let it wander or follow without navigation")
         # No robot drives without a laser. The rest may come from a process of the user's own.
-        needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]
+        needed = [names.BASE_SCAN, *(() if file.nodes else answered.topics)]
         published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}
         for topic in dict.fromkeys(needed):
             owner, own_topic = names.split_robot_key(names.input_key(entry.id, topic)) or (None, "")

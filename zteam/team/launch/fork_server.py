@@ -43,8 +43,7 @@ PRELOADS = (
 
 
 class StartChild(msgspec.Struct, array_like=True, frozen=True):
-    """Start a child: what `python -P -m module …` would run. The reply is its process id. Along come its
-    descriptors."""
+    """Start a child, as `python -P -m module …` does. Its descriptors come along. The reply is its process id."""
 
     module: str
     arguments: list[str]

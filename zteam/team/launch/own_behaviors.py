@@ -47,8 +47,7 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why it cannot be used, empty if it can; the mistakes in its parameters as (path, text), and the topics of the
-    inputs that it declares."""
+    """Why it cannot be used, empty if it can; its parameters' mistakes as (path, text); the topics of its inputs."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
@@ -103,7 +102,6 @@ def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Ca
 
 
 def main() -> None:
-    """Answer the questions on standard input."""
     stop = Stop()
     stop.install()
     look_in([*sys.argv[1:], ""])

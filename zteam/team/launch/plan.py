@@ -148,8 +148,7 @@ def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
 
 
 def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
-    """What each process of a team is told, by name, in the order of starting: without the router, which the launcher
-    starts first, because that chooses the port."""
+    """What each process is told, by name, in the order of starting; without the router, which has chosen the port."""
     told, team, pace = _told_beside_simulator(launch), launch.team, launch.pace
     if launch.world is None:
         # The robots are real.
@@ -190,13 +189,10 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
     if navigated:
         # One process for all of them: they share the map.
         told[names.navigation_name(min(navigated))] = NavigationOptions(navigated, launch.seed)
-    # The module of a user's behaviour may lie beside the team file and what it includes.
-    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
-    folders = (*dict.fromkeys([*own, *team.folders]), "")
     for robot in team.driven:
         spec, params = behavior_of(robot)
         told[names.robot_name(robot.id)] = RobotOptions(
-            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
+            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=(*team.folders, "")
         )
     if launch.view is not None:
         told[names.VIEW] = launch.view
@@ -225,23 +221,17 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
 
 
 def plan_team(launch: TeamLaunch) -> LaunchPlan:
-    """The processes of a team."""
     team = launch.team
     restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     jobs, optional = dict[str, Job](), set[str]()
     for name, options in options_of(launch).items():
-        # A view takes no part in the run: it may end, and a new one changes nothing.
-        is_view = isinstance(options, ViewOptions)
-        jobs[name] = Job(
-            MEMBER,
-            words=to_line(name, options),
-            restarts=restarts.get(name, launch.restarts) or is_view,
-            may_end=is_view,
-            learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
-        )
-        if is_view:
+        jobs[name] = Job(MEMBER, words=to_line(name, options), restarts=restarts.get(name, launch.restarts))
+        if isinstance(options, ViewOptions):
+            # A view takes no part in the run: it may end, and a new one changes nothing.
+            learn = partial(_keep_page, name, options)
+            jobs[name] = msgspec.structs.replace(jobs[name], restarts=True, may_end=True, learn=learn)
             optional.add(name)
     nodes = {
         node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
@@ -251,10 +241,9 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     return LaunchPlan({**jobs, **nodes}, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
 
 
-def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:
-    """The name and the job of a robot that is started on request; one of the team file keeps what else is said of it
-    there. Raises UsageError unless zteam knows the behaviour: a request must not have a module of its choice imported.
-    """
+def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> Job:
+    """The job of a robot that is started on request; one of the team file keeps what else is said of it there. Raises
+    UsageError unless zteam knows the behaviour: a request must not have a module of its choice imported."""
     from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, read_params
 
     known = behavior_names()
@@ -265,8 +254,7 @@ def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Jo
     entry = next((each for each in launch.team.robots if each.id == robot_id), RobotEntry(robot_id))
     entry = msgspec.structs.replace(entry, behavior=behavior, follow=None, params={})
     alone = msgspec.structs.replace(launch, team=msgspec.structs.replace(launch.team, robots=[entry], nodes=[]))
-    name = names.robot_name(robot_id)
-    return name, plan_team(alone).jobs[name]
+    return plan_team(alone).jobs[names.robot_name(robot_id)]
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
@@ -295,8 +283,7 @@ PYTHON = ("python", "python3")
 
 
 def command_line(words: Sequence[str]) -> list[str]:
-    """The command line of a user's program. `python` is this interpreter, wherever the user's own is, and zteam this
-    zteam."""
+    """The command line of a user's program; in it `python` is this interpreter, and `zteam` this zteam."""
     program, *rest = words
     if is_own(program):
         return zteam_command(program, *rest)
@@ -326,8 +313,7 @@ def become(launch: TeamLaunch, name: str, environment: Mapping[str, str]) -> NoR
 
 
 def compose_file(launch: TeamLaunch, words: Sequence[str], *, is_shipped: bool) -> str:
-    """A compose file with one container for each process of a team, which lies beside the team file; `words` are those
-    that name the team and its arguments."""
+    """A compose file beside the team file, with a container a process; `words` name the team and its arguments."""
     team, *rest = words
     in_container = team if is_shipped else f"/team/{Path(team).name}"
     volumes = "" if is_shipped else _VOLUMES.format(source="${ZTEAM_FOLDER:-.}")

@@ -218,7 +218,6 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Process id."""
         return self._child.pid
 
     @property
@@ -233,7 +232,6 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
         return self._child.poll() is None
 
     def _read(self) -> None:
@@ -293,12 +291,10 @@ class Process:
             self._child.stdin.close()
 
     def signal(self, number: int) -> None:
-        """Send it a signal if it still runs."""
         if self.running:
             self._child.send_signal(number)
 
     def terminate(self) -> None:
-        """Ask it to stop."""
         self.stopping = True
         self.signal(signal.SIGTERM)
 
@@ -313,7 +309,6 @@ class Process:
 
 
 def exit_text(code: int | None) -> str:
-    """An exit code in words."""
     if code is None:
         return "still running"
     if code < 0:

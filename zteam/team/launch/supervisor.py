@@ -26,8 +26,7 @@ _SAMPLE_PERIOD = 5.0
 
 
 _FINAL = frozenset({0, 2, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.SIGPIPE})
-"""Exit codes of a process that has not failed, that was asked to end (systemd has the same), or that cannot
-run as it was started."""
+"""Exit codes of a process that has not failed, was asked to end (as for systemd), or cannot run as it was started."""
 
 
 DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)
@@ -66,12 +65,14 @@ class _Place(msgspec.Struct, eq=False):
     """When it was started last, in host time."""
     timer: threading.Timer | None = None  # noqa: TID251
     """Starts it again."""
+    is_called_off: bool = False
+    """Whether it is not started again by itself any more."""
 
-
-def _call_off(place: _Place) -> None:
-    if place.timer is not None:
-        place.timer.cancel()
-        place.timer = None
+    def call_off(self) -> None:
+        self.is_called_off = True
+        if self.timer is not None:
+            self.timer.cancel()
+            self.timer = None
 
 
 class Supervisor:
@@ -100,7 +101,6 @@ class Supervisor:
 
     @property
     def processes(self) -> dict[str, Process]:
-        """The members that are processes."""
         return {name: member for name, member in list(self.members.items()) if isinstance(member, Process)}
 
     def start_job(self, name: str, job: Job) -> Process:
@@ -118,9 +118,11 @@ class Supervisor:
         return self.restart(name)
 
     def restart(self, name: str) -> Member:
-        """Start a member again as before, in place of a restart that waits for its time."""
+        """Start a member again as at first, in place of a restart that waits for its time."""
         with self._restarting:
-            _call_off(self._places[name])
+            place = self._places[name]
+            place.call_off()
+            self._places[name] = _Place(place.begin, place.job)
             return self._begin(name)
 
     def _begin(self, name: str) -> Member:
@@ -164,7 +166,6 @@ class Supervisor:
             self.changed.notify_all()
 
     def on_end(self, member: Member) -> None:
-        """A member has ended."""
         name, code = member.name, member.exit_code
         place = self._places[name]
         failed = not member.stopping and not (code == 0 and place.job.may_end)
@@ -183,7 +184,7 @@ class Supervisor:
         """A member has failed: whether it is started again."""
         told = f"{member.name} ended: {exit_text(member.exit_code)}"
         with self._restarting:
-            if member.exit_code in _FINAL or not place.job.restarts:
+            if member.exit_code in _FINAL or place.is_called_off or not place.job.restarts:
                 log.error("%s; it is not started again", told)
                 return False
             place.in_row = 1 if monotonic() - place.begun >= STEADY else place.in_row + 1
@@ -217,8 +218,7 @@ class Supervisor:
     def _call_restarts_off(self, names: Iterable[str]) -> None:
         with self._restarting:
             for place in filter(None, map(self._places.get, names)):
-                place.job = msgspec.structs.replace(place.job, restarts=False)
-                _call_off(place)
+                place.call_off()
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, checked when `changed` is notified, for at most `timeout` s."""

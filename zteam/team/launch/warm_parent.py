@@ -159,7 +159,6 @@ class ForkedChild:
         return code
 
     def send_signal(self, sig: int) -> None:
-        """Send it a signal if it still runs."""
         with self._lock:
             if self.returncode is None:
                 with contextlib.suppress(ProcessLookupError):
@@ -202,7 +201,6 @@ class WarmParent:
         return spawn(job, link)
 
     def close(self) -> None:
-        """End the process. Its children go on, but their exit codes are lost."""
         with self._lock:
             if self._server is not None:
                 self._server.close()

@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions
+from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions, client_config
 from zteam.bus.presence import Claim, find_processes
 from zteam.clock import HOST_FACTOR, local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
@@ -51,8 +51,7 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
 
 
 def node_environment(bus: BusOptions) -> dict[str, str]:
-    """What gives a process these options. All is given, even if empty: what is left out would come from this process's
-    environment."""
+    """What gives a process these options. Empty ones too: otherwise this process's environment would give others."""
     return {
         **(dict.fromkeys(TLS_VARIABLES, "") if bus.tls is None else bus.tls.environment),
         "ZTEAM_CONNECT": bus.connect or bus.endpoint,
@@ -147,6 +146,8 @@ class Processes:
         """Have a router and a session. Raises BusError if the team runs at a given router already."""
         is_given = bool(self.endpoint)
         if not is_given:
+            # A mistake in the options starts no router.
+            client_config(self._options)
             router = self._start_router()
             self.supervisor.wait(
                 lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
@@ -165,7 +166,6 @@ class Processes:
             refuse_second_team(self.bus, self._plan.jobs)
 
     def start(self) -> None:
-        """Start all members."""
         for name, job in self._plan.jobs.items():
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 
@@ -218,8 +218,7 @@ class Processes:
         return {**node_environment(self._options_of(name)), **self._added()}
 
     def environment_of_new(self, name: str) -> dict[str, str]:
-        """That of a process that the plan does not have. With certificates it has one only if the team file says so.
-        Raises ZteamError."""
+        """Of a process that the plan lacks: with certificates only if the team file names it. Raises ZteamError."""
         if self.certificates is not None:
             if name not in self._rights:
                 raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")

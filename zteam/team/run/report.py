@@ -105,15 +105,13 @@ def format_report(report: RunReport) -> str:
     factor = report.real_time_factor
     pace = "" if factor is None else f", {format_factor(factor)} x real time"
     lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
-    header = f"{'robot':8}{'follows':>8}{'driven, m':>11}{'last gap, m':>13}"
-    lines.append(f"{header}{'stalls':>8}{'safety stops':>14}{'late steps':>12}")
+    lines.append("robot    follows  driven, m  last gap, m  stalls  safety stops  late steps")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
         gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
         stops = report.safety_stops.get(names.robot_name(robot.id), "-")
         row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>11.2f}{gap:>13}{robot.stalls:>8}{stops:>14}"
-        row += f"{robot.late_steps:>12}"
-        lines.append(row)
+        lines.append(f"{row}{robot.late_steps:>12}")
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
     seconds = report.recovery_seconds

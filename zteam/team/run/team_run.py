@@ -123,7 +123,6 @@ class TeamRun:
             self.signals.serve(tools)
 
     def start(self) -> None:
-        """Start the members."""
         if self.state is RunState.NEW:
             self.open()
         self.members.start()
@@ -143,9 +142,8 @@ class TeamRun:
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
         """Start a robot's process as the team's own were started, or end it; its name. The team does not need it."""
-        name, job = names.robot_name(request.robot), None
-        if request.behavior:
-            _, job = robot_job(self.launch, request.robot, request.behavior)
+        name = names.robot_name(request.robot)
+        job = robot_job(self.launch, request.robot, request.behavior) if request.behavior else None
         with self._start_lock:
             if self.state in (RunState.STOPPING, RunState.ENDED):
                 raise BusError("the team is stopping")

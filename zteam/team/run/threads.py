@@ -19,7 +19,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
+from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions, client_config
 from zteam.bus.router import open_team_router
 from zteam.errors import UsageError, ZteamError
 from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
@@ -182,7 +182,6 @@ class NodeThread:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
         return self.exit_code is None
 
     @property
@@ -191,7 +190,6 @@ class NodeThread:
         return "" if self.error is None or isinstance(self.error, (ZteamError, SystemExit)) else user_fault(self.error)
 
     def run(self) -> None:
-        """Run the node in this thread."""
         name, part, code = self.name, self._part, 1
         with working_for(name):
             if name == names.SIMULATOR:
@@ -218,7 +216,6 @@ class NodeThread:
             raise
 
     def terminate(self) -> None:
-        """Ask it to stop."""
         self.stopping = True
         self._stop.request("the team asks it to stop")
 
@@ -270,7 +267,6 @@ class Threads:
 
     @property
     def hung(self) -> set[str]:
-        """The nodes whose step does not return, or was ended."""
         return self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
@@ -287,6 +283,7 @@ class Threads:
         if given is not None:
             lease, self.endpoint = lease_for(self._pace, given.lease), given.connect or ""
             if not self.endpoint:
+                client_config(given)
                 router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
                 self._ends.callback(router.close)
                 self.endpoint = router.endpoint
@@ -328,7 +325,6 @@ class Threads:
                     self.supervisor.start_job(name, job)
 
     def _begin(self, name: str) -> NodeThread:
-        """Start one node, in a thread of its own."""
         node = self._make(name)
         Thread(target=node.run, name=name, daemon=True).start()
         return node
@@ -341,7 +337,6 @@ class Threads:
         return self._environment
 
     def close(self) -> None:
-        """End the session, and kill what still runs."""
         with self._ends:
             self._ends.callback(self.supervisor.close)
             if self.bus is not None:

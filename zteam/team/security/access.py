@@ -139,29 +139,26 @@ _BY_COMMAND = {
 
 
 CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks if key != _STOP)
-"""All queries that change something (docs/keys.md) but the stop: a certificate may ask them if the team file grants it.
-"""
+"""All queries that change something (docs/keys.md) but the stop: a team file grants them."""
 
 
 def rights_of(team: Team) -> dict[str, Rights]:
     """The rights of each certificate of a team, by name."""
     simulated = team.team.world != NO_WORLD
     processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
-    if simulated:
-        processes.append(names.SIMULATOR)
-    if team.team.map is not None or not simulated:
-        processes.append(names.MAP_SERVER)
+    ids = [robot.id for robot in team.robots]
     navigated = [robot.id for robot in team.robots if navigation_of(robot) is not None]
-    for robot in team.robots:
-        processes += [names.robot_name(robot.id), *([] if simulated else [names.base_name(robot.id)])]
-    processes += [*map(names.navigation_name, navigated), *(node.name for node in team.nodes)]
+    processes += [names.SIMULATOR] if simulated else [names.MAP_SERVER, *map(names.base_name, ids)]
+    processes += [names.MAP_SERVER] if team.team.map is not None else []
+    processes += [*map(names.robot_name, ids), *map(names.navigation_name, navigated)]
+    processes += [node.name for node in team.nodes]
     granted = team.security.grants
     found = {name: _part_of(name, navigated, simulated) for name in (*processes, *granted)}
+    # A node may drive what no process of the team does.
+    free = [names.robot_name(robot.id) for robot in team.robots if not robot.has_process]
     for node in team.nodes:
         program, verb = (*node.command, "")[:2]
-        # A program that drives what no process of the team does.
-        free = [names.robot_name(robot.id) for robot in team.robots if not robot.has_process]
-        found[node.name] |= _filled(Rights(_of_robot(names.CMD_VEL) if free else ()), node.name, free)
+        found[node.name] |= _filled(Rights(_of_robot(names.CMD_VEL)), node.name, free)
         if program == "zteam" and verb in _BY_COMMAND:
             found[node.name] |= _filled(_GRANTED[_BY_COMMAND[verb]])
     for name, words in granted.items():

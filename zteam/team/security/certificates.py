@@ -85,9 +85,7 @@ class Index(msgspec.Struct):
     """By name; the serial grows."""
 
     def last(self, name: str) -> Issued | None:
-        """The newest certificate of this name."""
-        found = self.certificates.get(name)
-        return found[-1] if found else None
+        return next(reversed(self.certificates.get(name, [])), None)
 
 
 def _read(path: Path) -> bytes:
@@ -290,8 +288,7 @@ class Authority:
         self._write(f"{file}.pem", builder.sign(signer, hashes.SHA256()).public_bytes(pem))
 
     def save(self) -> None:
-        """Save the index, and let routers know: that is the last of all files, because a router then reads its own
-        certificate and key too."""
+        """Save the index, and let routers know, last of all: they then read their own certificate and key too."""
         index = self.index
         self._write(INDEX, _json(index))
         valid = {
@@ -361,8 +358,7 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
             if not authority.has_key:
                 authority.make()
             authority.take_team(team, rights, namespace)
-            last = {name: authority.index.last(name) for name in names}
-            revoked = [name for name, each in last.items() if each is not None and each.revoked]
+            revoked = [name for name in names if (last := authority.index.last(name)) and last.revoked]
             if revoked:
                 raise ZteamError(
                     f"{folder}: the certificate of {revoked[0]} is revoked: make the next one with "

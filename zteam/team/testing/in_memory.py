@@ -15,13 +15,13 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
-from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.messages import Done, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.node.lockstep import TickState
 from zteam.node.node import Node
 from zteam.node.process_node import ClockMode
 from zteam.node.shutdown import Stop
-from zteam.robot.trials.situations import laser_frame, lookup_in, make_scan
+from zteam.robot.trials.situations import lookup_in, make_scan
 from zteam.robot.view import View
 
 LIMIT = 30.0 * HOST_FACTOR
@@ -52,7 +52,7 @@ def make_view(
         now=stamp,
         dt=dt,
         robot_id=robot_id,
-        scan=None if ranges is None else make_scan(ranges, fov, Header(time_from_ns(stamp), laser_frame(robot_id))),
+        scan=None if ranges is None else make_scan(ranges, fov, stamp, robot_id),
         odom=odom,
         lookup=lookup_in(poses or {}, stamp),
         base=base,

@@ -21,7 +21,10 @@ _HERE = str(Path(__file__).parent) + os.sep
 _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 
 
-def _give(request: pytest.FixtureRequest, kind: type["TeamFixture"]) -> Iterator[Any]:
+def _give(request: pytest.FixtureRequest) -> Iterator[Any]:
+    from zteam.team.testing.team import SharedTeam, TeamFixture
+
+    kind = TeamFixture if request.scope == "function" else SharedTeam
     teams = request.session.stash.setdefault(_TEAMS, {})
     fixture = kind(request.config.rootpath, live=request.config.getoption("capture") == "no")
     teams[str(request.fixturename)] = fixture
@@ -35,25 +38,19 @@ def _give(request: pytest.FixtureRequest, kind: type["TeamFixture"]) -> Iterator
 @pytest.fixture
 def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
     """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
-    from zteam.team.testing.team import TeamFixture
-
-    yield from _give(request, TeamFixture)
+    yield from _give(request)
 
 
 @pytest.fixture(scope="module")
 def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """One team for the tests of a module: what `start` or `launch` has started is started anew for each test."""
-    from zteam.team.testing.team import SharedTeam
-
-    yield from _give(request, SharedTeam)
+    yield from _give(request)
 
 
 @pytest.fixture(scope="session")
 def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """As `team_module`, for all tests of the run."""
-    from zteam.team.testing.team import SharedTeam
-
-    yield from _give(request, SharedTeam)
+    yield from _give(request)
 
 
 def _teams(item: pytest.Item) -> "list[TeamFixture]":
@@ -107,8 +104,6 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
         crash.message = str(value)
     if report.failed:
         for fixture in _teams(item):
-            if report.when == "call" and fixture.stillness:
-                report.sections.append(("time", fixture.stillness))
             report.sections.append(("processes of the team", fixture.report_log()))
     return report
 

@@ -112,8 +112,10 @@ class TeamFixture:
         """What a process has written so far."""
         return self._watch.lines(name)
 
-    def _need_team(self, call: str) -> None:
-        """Raise UsageError before anything was opened: nothing would ever happen."""
+    def _need_team(self, call: str, given: object = 0.0, wanted: str = "") -> None:
+        """Raise UsageError for what is no number from 0, and before anything was opened: nothing would ever happen."""
+        if not (isinstance(given, float | int) and 0.0 <= given < math.inf):
+            raise UsageError(f"team.{call}({given!r:.60}): give {wanted}")
         if self._run.state is RunState.NEW:
             raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
@@ -257,8 +259,6 @@ class TeamFixture:
         itself may do everything, and tools what the team file grants `operator`.
         """
         if secure is not None:
-            if in_process:
-                raise UsageError("team.launch: secure gives certificates to processes: leave it or in_process out")
             self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
@@ -317,8 +317,8 @@ class TeamFixture:
         if self._run.plan.jobs:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        if chaos and in_process:
-            raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
+        if in_process and (chaos or self._processes.certificates is not None):
+            raise UsageError("chaos and secure are for processes: leave in_process out, or them")
         self._watch.silence_limit = launch.pace.timeout
         if in_process:
             self._open_in_process(nodes)
@@ -423,15 +423,11 @@ class TeamFixture:
         self._watch.wait_for(condition)
 
     def report_log(self) -> str:
-        """Everything the processes wrote, for a failed test's report."""
-        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log.copy())
-
-    @property
-    def stillness(self) -> str:
-        """For the report of a failed test: that the test has not let the world go on; empty if it has."""
-        if not self._watch.interval or self._watch.has_moved:
-            return ""
-        return "the world stood still: in lock-step it goes on with team.run(seconds), team.until and team.at alone"
+        """For a failed test's report: everything the processes wrote, and whether the test let the world go on."""
+        lines = [f"[{name}] {line}" for name, line in self._watch.log.copy()]
+        if self._watch.interval and not self._watch.has_moved:
+            lines.append("the world stood still: in lock-step it goes on with team.run, team.until and team.at alone")
+        return "\n".join(lines)
 
     @property
     def report(self) -> SimReport:
@@ -471,14 +467,12 @@ class TeamFixture:
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
-        _check_number("run", seconds, "the seconds of simulated time that are to pass, 0 or more")
-        self._need_team("run")
+        self._need_team("run", seconds, "the seconds of simulated time that are to pass, 0 or more")
         self._watch.run(seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
-        _check_number("at", tick, "the tick at which the world is to stand")
-        self._need_team("at")
+        self._need_team("at", tick, "the tick at which the world is to stand")
         if not self._watch.interval:
             raise UsageError("at() needs lock-step: in real time no tick is waited for")
         if tick < self.tick:
@@ -491,8 +485,7 @@ class TeamFixture:
         real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute of
         the host fails too."""
         check_call(condition, 0, f"team.until({condition!r:.60}, …): {_CONDITION}")
-        _check_number("until", within, "with `within` the simulated seconds that it may take, 0 or more")
-        self._need_team("until")
+        self._need_team("until", within, "with `within` the simulated seconds that it may take, 0 or more")
         self._watch.until(condition, within)
 
 
@@ -537,12 +530,6 @@ class SharedTeam(TeamFixture):
             self._call, self._is_new = call, True
             begin, args, kwargs = call
             begin(*args, **kwargs)
-
-
-def _check_number(call: str, given: object, wanted: str) -> None:
-    """Raise UsageError for what is no number from 0."""
-    if not (isinstance(given, float | int) and 0.0 <= given < math.inf):
-        raise UsageError(f"team.{call}({given!r:.60}): give {wanted}")
 
 
 def search_folders() -> list[str]:

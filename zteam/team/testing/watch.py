@@ -420,7 +420,6 @@ class Watch:
     def wait_for_return(self, name: str) -> None:
         """Wait until a process is there that was started again; in lock-step, until it takes part in the next tick."""
         self.wait_for_processes(name)
-
         kind = kind_of(name)
         may_take_part = kind is not None and kind.in_lockstep
         if self.interval and may_take_part and not self.wait(lambda: self._takes_part(name)):

@@ -13,7 +13,7 @@ from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
 from zteam.node.node import Due, Node
 from zteam.node.process_options import AggregatorOptions
-from zteam.node.tokens import GRACE, TokenLossFilter, TokenSet
+from zteam.node.tokens import CertainTokens, TokenSet
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.transforms.merge import MAX_APART, Merger, base_stamp
 from zteam.transforms.process.bundle import PATIENCE, Bundle
@@ -45,8 +45,10 @@ class Aggregator:
         self._pace: Rate | None = None
         self._is_due = False
         self._descriptions = descriptions or {}
-        self._tokens, self._lost_callers = TokenSet(), TokenLossFilter()
+        self._tokens = TokenSet()
         self._merger = Merger(options.static_transforms, self._name_of)
+        self._told = 0
+        """How many conflicts the log has."""
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
@@ -59,8 +61,8 @@ class Aggregator:
         node.hear(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # The newest one of each broadcaster counts.
         node.bus.subscribe_raw(names.all_robots_key(names.TF_STATIC), node.handler(self._on_statics), latched=True)
-        node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key("*"), self._on_token)
+        self._callers = CertainTokens(node.bus, names.tokens_key(names.STATIC_CALLER), self._on_caller)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
@@ -156,29 +158,22 @@ class Aggregator:
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        if token is not None and token[0] == names.STATIC_CALLER:
-            self._lost_callers.on_token(key, alive, monotonic())
-        elif token is not None:
+        if token is not None and token[0] != names.STATIC_CALLER:
             self._tokens.take(*token, alive)
             self._merger.statics.look_again(_SESSION + token[1])
             self._publish_statics()
 
-    def _on_link(self, up: bool) -> None:
-        with self._node.changed:
-            self._lost_callers.on_link(up, monotonic())
-
-    def _drop_lost(self, grace: float = GRACE) -> None:
-        """Drop the frames of callers that have had no token for `grace` host seconds (under `node.changed`)."""
-        for key in self._lost_callers.take_due(monotonic(), grace):
-            token = names.split_token_key(key)
-            if token is not None:
+    def _on_caller(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is not None and not alive:
+            with self._node.changed:
                 self._merger.statics.drop_authority(_caller(token[1]))
-        self._publish_statics()
+                self._publish_statics()
 
     def _add_static(self, request: StaticRequest) -> StaticReply:
+        # The request came over the router, so the link is up and missing tokens are gone: their frames are free.
+        self._callers.look(0.0)
         with self._node.changed:
-            # The request came over the router, so the link is up and missing tokens are gone: their frames are free.
-            self._drop_lost(0.0)
             refused = self._merger.add_static(request.transform(), _caller(request.caller))
             self._publish_statics()
         return StaticReply(refused)
@@ -217,8 +212,6 @@ class Aggregator:
         else:
             self._pace = self._pace or Rate(to_ns(1.0 / rate), node.clock.steady())
             self._is_due = node.wait_for_moment(self._pace)
-        with node.changed:
-            self._drop_lost()
 
     def take(self) -> int | None:
         """Now, if a bundle is due."""
@@ -228,8 +221,8 @@ class Aggregator:
     def beat(self) -> None:
         """Log the conflicts of the last second."""
         with self._node.changed:
-            self._drop_lost()
-            conflicts = self._merger.take_conflicts()
+            conflicts = self._merger.conflicts()[self._told :]
+        self._told += len(conflicts)
         for conflict in conflicts[:_MOST_CONFLICTS]:
             log.warning("%s", conflict)
         if more := len(conflicts[_MOST_CONFLICTS:]):

@@ -392,10 +392,11 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(
             frames={
                 **IN_MAP, **of_robot(1, {"odom": "map", "base_footprint": "odom"}),
-                "window": "hall", "door": "hall", "robot_1/camera": "robot_1/base_footprnt",
+                "window": "hall", "door": "hall", "robot_1/camera": "robot_1/base_footprnt", "lidar": "base_footprint",
                 "robot_2/base_link": "robot_2/base_footprint",
             },
         ),
+        "problem transforms: lidar hangs on base_footprint, which … (did you mean robot_…/base_footprint?)",
         "problem transforms: door hangs on hall, which … -> publish … (… joint), or give door another parent",
         "problem transforms: robot_1/camera hangs on … another parent (did you mean robot_1/base_footprint?)",
     ),

@@ -4,10 +4,12 @@ from collections.abc import Iterator
 
 import pytest
 
+from support.limits import LIMIT
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.monitor.process import display, watch
 from zteam.monitor.process.display import Lines
+from zteam.node import process_node
 from zteam.node.process_options import MonitorOptions
 
 
@@ -17,6 +19,9 @@ def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]
     time, desks = HostTime(), list[Desk]()
     for module in (display, watch):
         monkeypatch.setattr(module, "monotonic", time)
+    # Whoever is there answers, however crowded the machine is.
+    monkeypatch.setattr(process_node, "ANSWER_LIMIT", LIMIT)
+    monkeypatch.setattr(watch, "_ANSWER_LIMIT", LIMIT)
 
     def make(
         *ids: int,

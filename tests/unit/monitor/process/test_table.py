@@ -98,7 +98,7 @@ def test_a_robot_that_is_stopped_says_so_in_each_state() -> None:
     assert [(row.state, row.reason, row.is_stopped) for row in rows] == [
         ("ready", STOPPED, True), ("running", STOPPED, True), ("lost", "its process is gone", False),
     ]  # fmt: skip
-    assert f"robot 0, 1: {STOPPED}" in team_notes(gate, {}, [])
+    assert f"robots 0, 1: {STOPPED}" in team_notes(gate, {}, [])
 
 
 def test_every_robot_has_a_state() -> None:

@@ -190,6 +190,25 @@ def test_recovery_goes_through_its_behaviours_and_gives_up() -> None:
     assert recovery.begin(now, Pose2(4.5, 2.5, 0.0), "blocked") is None
 
 
+def test_a_recovery_waits_as_long_as_it_is_told() -> None:
+    """The time that a motion is allowed does not end it."""
+    recovery, pose = (
+        Recovery(RecoveryOptions(behaviors=("wait",), wait_duration=15.0, time_allowance=3.0)),
+        Pose2(1, 1, 0),
+    )
+    recovery.begin(0.0, pose, "blocked")
+    assert recovery.step(14.9, pose, room()) == Velocity()
+    assert recovery.step(15.0, pose, room()) is None
+
+
+def test_a_motion_of_a_recovery_ends_in_time() -> None:
+    """However far it came, and without another try."""
+    recovery, pose = Recovery(RecoveryOptions(behaviors=("spin",), time_allowance=3.0)), Pose2(2.5, 2.5, 0.0)
+    recovery.begin(0.0, pose, "blocked")
+    assert recovery.step(0.5, pose, room()) == Velocity(turn=1.0)
+    assert recovery.step(3.1, Pose2(2.5, 2.5, 0.5), room()) is None
+
+
 def test_a_recovery_stops_before_an_obstacle() -> None:
     """Something behind, on whichever of the costmaps: it does not back up."""
     walled, pose = room((slice(0, 100), slice(0, 20))), Pose2(1.23, 2.5, 0.0)

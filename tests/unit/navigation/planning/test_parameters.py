@@ -168,7 +168,7 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "there is no controller 'nav2_navfn_planner::NavfnPlanner'",
         ),
         ("[1, 2]", "has no parameters"),
-        ("a: [", "nav2_params.yaml: not YAML: "),
+        ("a: [", "nav2_params.yaml:1: not YAML: while parsing a flow node"),
         ("amcl: {alpha1: 0.3}", "has no parameters"),
     ],
 )

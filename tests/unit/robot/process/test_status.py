@@ -1,5 +1,6 @@
 """What the robot says of itself in real time: its status, its log, and that it is stopped."""
 
+import math
 import threading
 from collections.abc import Callable
 
@@ -207,13 +208,18 @@ def test_a_ready_robot_tells_whom_go_waits_for(start: Start, monkeypatch: pytest
 
 @pytest.fixture
 def driving(start: Start, want: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> RealTimeRobot:
-    """A robot that drives, and that looks often at what comes."""
+    """A robot that drives, and that looks often at what comes, from `look_often` on."""
     monkeypatch.setattr(node_module, "HEARTBEAT", 0.02)
-    monkeypatch.setattr(robot_module, "_LOOKS", 0)
+    monkeypatch.setattr(robot_module, "_LOOKS", math.inf)
     made = start(Asks)
     made.ready(1)
     made.wait_for_commands(1)
     return made
+
+
+def look_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on each heartbeat is a look: before, what is there was not all there."""
+    monkeypatch.setattr(robot_module, "_LOOKS", 0)
 
 
 def answer(robot: RealTimeRobot, name: str) -> None:
@@ -230,13 +236,16 @@ def answer(robot: RealTimeRobot, name: str) -> None:
         (True, False, "no other process answers"),
     ],
 )
-def test_a_robot_says_once_that_nothing_comes(driving: RealTimeRobot, token: bool, others: bool, why: str) -> None:
+def test_a_robot_says_once_that_nothing_comes(
+    driving: RealTimeRobot, token: bool, others: bool, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In its log and its status, whose velocity is zero then; and once that data comes again."""
     with captured_log() as log:
         if token:
             driving.say_token(names.SIMULATOR)
         if others:
             answer(driving, names.AGGREGATOR)
+        look_often(monkeypatch)
         told = driving.wait_for_status(lambda status: bool(status.reason))
         assert (told.reason, told.speed) == (f"no data: {why}", 0.0)
         driving.wait_for_more_statuses(5)
@@ -257,6 +266,7 @@ def test_a_world_that_stands_and_a_freeze_of_its_own_are_no_outage(
     else:
         driving.say_token(names.SIMULATOR)
         driving.say_world(0, 1)
+    look_often(monkeypatch)
     assert driving.wait_for_more_statuses(20).reason == ""
 
 

@@ -51,7 +51,7 @@ from zteam.world import load_world
             r"1:71: z: the smallest value 2 is above the largest 1",
         ),
         ('model ( bitmap "gone.png" )', r"1:9: bitmap 'gone.png' not found in .* or \$STAGEPATH"),
-        ('model ( bitmap "w.world" )', r"1:9: cannot read bitmap .*w\.world: cannot identify"),
+        ('model ( bitmap "w.world" )', r"1:9: cannot read bitmap .*w\.world: it is no PNG"),
     ],
 )
 def test_bad_values_are_errors_with_their_place(tmp_path: Path, text: str, error: str) -> None:

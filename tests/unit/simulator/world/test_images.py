@@ -57,7 +57,7 @@ def test_dark_pixels_are_occupied(
 def test_what_is_no_image_is_an_error(tmp_path: Path) -> None:
     """Text and an image cut short are WorldErrors that name the file."""
     (tmp_path / "a.png").write_text("no image")
-    with pytest.raises(WorldError, match=r"cannot read bitmap .*a\.png: cannot identify"):
+    with pytest.raises(WorldError, match=r"cannot read bitmap .*a\.png: it is no PNG"):
         read_bitmap(tmp_path / "a.png")
     Image.fromarray(np.zeros((64, 64), np.uint8)).save(tmp_path / "b.bmp")
     (tmp_path / "b.bmp").write_bytes((tmp_path / "b.bmp").read_bytes()[:500])

@@ -7,7 +7,7 @@ import pytest
 
 from zteam.geometry import Pose2
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape, World
-from zteam.simulator.world.placing import find_hindrance
+from zteam.simulator.world.placing import find_hindrance, find_places
 
 
 def box(width: float, depth: float, z_min: float = 0.0, z_max: float = 0.5) -> tuple[Shape, ...]:
@@ -114,3 +114,15 @@ def test_outside_is_beyond_what_stands_still() -> None:
     assert find_hindrance(world(PILLAR), robot(40.0, 3.0), {}) == ""
     assert "outside" in find_hindrance(world(plans=(plan(),)), robot(1e308, -1e308), {})
     assert "outside" in find_hindrance(world(PILLAR), robot(1e308, -1e308), {})
+
+
+def test_a_door_does_not_open_a_house() -> None:
+    """Places are inside of walls that have a door, while there is room; beside them only after that."""
+    occupied = np.zeros((100, 100), bool)
+    occupied[20:80, 20:80] = True
+    occupied[22:78, 22:78] = False
+    occupied[20:22, 45:60] = False
+    inside = find_places(occupied, 0.1, 30)
+    assert len(inside) == 30 and all(2.2 < x < 7.8 and 2.0 < y < 7.8 for x, y in inside)
+    everywhere = find_places(occupied, 0.1, 200)
+    assert len(everywhere) == 200 and any(x < 2.0 for x, _ in everywhere)

@@ -32,7 +32,7 @@ def test_a_plan_is_read_in_the_order_of_time(tmp_path: Path) -> None:
         ("at = 1\n", "plan.toml: faults: write a table [[faults]]"),
         ('[[faults]]\nat = 1\nfault = "burn"\nname = "tf"\n', "plan.toml:3: faults[0].fault: "),
         ('[[faults]]\nat = 1\nfault = "kill"\n', "plan.toml:1: faults[0]: the key name is missing"),
-        ('[[faults]]\nat = -1\nfault = "kill"\nname = "tf"\n', "plan.toml:2: faults[0].at: must be from 0"),
+        ('[[faults]]\nat = -1\nfault = "kill"\nname = "tf"\n', "plan.toml:2: faults[0].at: a number of at least 0"),
         ('[[faults]]\nat = 1\nfault = "cut"\nname = "tf"\nfro = 2\n', "plan.toml:5: faults[0].fro: unknown key"),
         ('seed = 3\n[[faults]]\nat = 1\nfault = "cut"\nname = "tf"\n', "plan.toml:1: seed: unknown key"),
     ],

@@ -181,7 +181,7 @@ def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path, mo
     (tmp_path / "below" / "here.py").write_text("")
     places = ["8 nodes[0].command[0]", "11 nodes[1].command[0]", "14 nodes[2].command[1]", "25 nodes[5].folder"]
     assert mistakes_of(tmp_path, f"{ARENA}{NODES}") == [*places, "28 nodes[6].command[0]"]
-    (tmp_path / "own.sh").write_text("")
+    (tmp_path / "own.sh").write_text("#!/bin/sh\n")
     (tmp_path / "own.sh").chmod(0o755)
     check(tmp_path, f'{ARENA}[[nodes]]\nname = "b"\ncommand = ["./own.sh"]\n')
 
@@ -197,8 +197,10 @@ def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path, mo
         (b"print(1)\n", 0o755, '["python", "./own", …]'),
         ("# Größe\n".encode(), 0o755, '["python", "./own", …]'),
         (b"#!/usr/bin/env python3\r\nprint(1)\r\n", 0o755, "Unix"),
+        (b"\xef\xbb\xbf#!/usr/bin/env python3\nprint(1)\n", 0o755, "byte order mark"),
         (b"#!/no/such/python\n", 0o755, "first line"),
         (b"#!\n", 0o755, "first line"),
+        (b"", 0o755, '["python", "./own", …]'),
         (b"MZ\x90\0\x03\n", 0o755, "Windows"),
         (None, 0o755, "is a folder"),
     ],
@@ -358,7 +360,8 @@ def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path, monkeypa
     laser = "5 robots[0].behavior"
     standing = ["4 robots[0].ids"] * 2
     assert mistakes_of(tmp_path, text + feeler, here=True) == [*standing, laser, *["8 robots[1].behavior"] * 2]
-    car = '[team]\nworld = "my.world"\n[[robots]]\nid = 5\nbehavior = "wander"\nnavigation = { localizer = "amcl" }\n'
-    assert mistakes_of(tmp_path, car) == ["6 robots[0].navigation"]
+    for navigation in ("true", "{}", '{ localizer = "amcl" }'):
+        car = f'[team]\nworld = "my.world"\n[[robots]]\nid = 5\nbehavior = "wander"\nnavigation = {navigation}\n'
+        assert mistakes_of(tmp_path, car) == ["6 robots[0].navigation"]
     node = '[[nodes]]\nname = "skin"\ncommand = ["python", "-c", "pass"]\n'
     assert mistakes_of(tmp_path, text + feeler + node, here=True) == [*standing, laser]

@@ -188,7 +188,7 @@ def test_several_views_have_different_names() -> None:
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
     """And from the current folder, after that."""
-    plan = plan_of(Team(robots=[RobotEntry(id=0, behavior="mine:Spin")]), team_file=Path("/t/team.toml"))
+    plan = plan_of(Team(robots=[RobotEntry(id=0, behavior="mine:Spin")], folders=("/t",)))
     assert told(plan, "robot_0", RobotOptions).folders == ("/t", "")
 
 
@@ -257,9 +257,9 @@ def test_shipped_teams_make_a_plan(name: str) -> None:
 def test_a_new_robot_gets_what_the_team_has_in_common() -> None:
     """A robot that is started on request has the team's seed; one of the team file keeps all but its behaviour."""
     launch = TeamLaunch(Team([RobotEntry(2, follow=1, safety=False)]), None, given_seed=7)
-    name, options = from_line(robot_job(launch, 5, "wander")[1].words)
+    name, options = from_line(robot_job(launch, 5, "wander").words)
     assert (name, options) == ("robot_5", RobotOptions(5, "wander", {}, seed=7))
-    _, options = from_line(robot_job(launch, 2, "avoid")[1].words)
+    _, options = from_line(robot_job(launch, 2, "avoid").words)
     assert options == RobotOptions(2, "avoid", {}, seed=7, safety=False)
 
 

@@ -245,6 +245,21 @@ def test_a_failure_after_a_long_run_is_the_first_in_a_row(supervisor: Watched, m
     assert supervisor.wait(lambda: supervisor.restarts.get("camera", 0) >= 3, LIMIT)
 
 
+@pytest.mark.usefixtures("soon")
+@pytest.mark.parametrize("before", ["stopped", "given up"])
+def test_a_start_by_hand_is_a_new_beginning(supervisor: Watched, before: str) -> None:
+    """What was stopped, or given up, is started again after its next failures as often as at first."""
+    supervisor.run("robot_0", WAITING if before == "stopped" else FAILING, restarts=True)
+    if before == "stopped":
+        supervisor.stop(["robot_0"])
+    assert supervisor.wait(lambda: "robot_0" in supervisor.ended, LIMIT)
+    count = supervisor.restarts.get("robot_0", 0)
+    member = supervisor.restart("robot_0")
+    if before == "stopped":
+        member.kill()
+    assert supervisor.wait(lambda: supervisor.restarts.get("robot_0", 0) > count, LIMIT)
+
+
 @pytest.mark.parametrize("how", ["started", "stopped"])
 def test_a_restart_that_waits_is_called_off(supervisor: Watched, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     """By a stop, and by a start: that process is not replaced when the restart would be due, and its first failure is

@@ -17,7 +17,7 @@ from zteam import names
 from zteam.bus import BusOptions, NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, RouterOptions
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
@@ -89,6 +89,16 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
     chosen = Pretend(monkeypatch)
     yield chosen
     chosen.tidy()
+
+
+def test_a_file_that_names_another_router_is_refused(pretend: Pretend, tmp_path: Path) -> None:
+    """The team would be at its own router, and the file's would be passed over; no process starts."""
+    path = tmp_path / "a.json5"
+    path.write_text('{connect: {endpoints: ["tcp/10.0.0.1:7447"]}}')
+    with pretend.run(bus=BusOptions(config=str(path))) as run:
+        with pytest.raises(UsageError, match="--connect"):
+            run.start()
+        assert not run.supervisor.processes
 
 
 def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
