@@ -329,6 +329,8 @@ class Formation(LineMember):
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
         self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
         self._boxed_in, self._escape = BoxedIn(), Escape()
+        self._before = 0
+        """How many robots were before it in the file."""
         self._narrow: list[Point2] = []
         """Places in map where it was between two walls."""
         self._makes_way = self._is_parked = False
@@ -371,6 +373,10 @@ class Formation(LineMember):
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         if self.gap:
             role, speed = self._find_role(view, self.leader), min(HEAD_SPEED, limits.linear)
+            if len(role.before) > self._before:
+                # Its way to the head leads over the places of those between.
+                self._trail.forget()
+            self._before = len(role.before)
             return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
         command, way = self._drive(view, here, slot, target, limits)
         command = self._escape.free(view, command, way)
@@ -502,7 +508,7 @@ class Formation(LineMember):
             self.gap = self.params.spacing
 
     def _leave_file(self) -> None:
-        self.leader, self.follows, self.gap = self._leads, None, 0.0
+        self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
 
     def _is_between_walls(self, view: View, here: Pose2) -> bool:
         """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
