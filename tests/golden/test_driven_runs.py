@@ -226,9 +226,9 @@ RUNS: dict[str, Callable[[], Run]] = {
             on_x(0.0, load_behavior("formation", {"leader": 0, "shape": "column", "max_linear": 0.5}, 1)),
         ],
         450, [*NARROW, (1.0, 0.6, 1.0, 6.0)],
-        ways=[(1.961, 1.529, 3.6), (-0.011, 0.006, 4.541)],
-        said="in its slot; leader robot_0 stands; is stuck: leaves its way; it cannot see ahead; it cannot see behind; "
-        "obstacle ahead; obstacle behind; obstacle beside",
+        ways=[(1.961, 1.529, 3.6), (0.278, 0.325, 3.679)],
+        said="boxed in: leaves its way to its slot; in its slot; leader robot_0 stands; is stuck: leaves its way; "
+        "it cannot see ahead; it cannot see behind; obstacle ahead; obstacle beside",
     ),
     "go_to leaves a dead end": lambda: Run(
         [at(0, 0, 0, "go_to")], 289, POCKET, {1: send(0, make_goal(4.0, 0.3))},

@@ -7,7 +7,7 @@ tells whether a turn or a drive works. One that does not is not tried there agai
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.messages import Twist, Vector3
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import outline_of
-from zteam.robot.view import Teammate, View, beams_of
+from zteam.robot.view import View, beams_of
 
 CELL = 0.05
 """Metres: side of a cell of the search. The robot stands on the middle one, and its x axis is the search's."""
@@ -68,12 +68,15 @@ def _covered(footprint: tuple[Point2, ...]) -> tuple[NDArray[np.intp], ...]:
     outline = outline_of(footprint)
     far = math.ceil((outline.radius + MARGIN) / CELL)
     cells = np.stack(np.meshgrid(*(np.arange(-far, far + 1),) * 2), axis=-1).reshape(-1, 2)
-    found = []
-    for angle in ANGLES:
-        cos, sin = math.cos(angle), math.sin(angle)
-        points = CELL * np.array((cos * cells[:, 0] + sin * cells[:, 1], cos * cells[:, 1] - sin * cells[:, 0]))
-        found.append(cells[outline.distances(points) <= MARGIN])
-    return tuple(found)
+    points = [_from_frame(Pose2(0.0, 0.0, -angle), CELL * cells.T) for angle in ANGLES]
+    return tuple(cells[outline.distances(each) <= MARGIN] for each in points)
+
+
+def _from_frame(pose: Pose2, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Points (2, n) of the frame at `pose`, in the frame that this is in."""
+    (x, y, yaw), (xs, ys) = pose, points
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
 def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
@@ -103,7 +106,8 @@ def find_moves(
     reach = round(REACH / CELL)
     middle = reach + 2 * MATE_STEPS
     size = 2 * middle + 1
-    borders = [_border(mate) for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
     mates = _blocked(view, np.hstack([np.empty((2, 0)), *borders]), size)
     walls = mates | _blocked(view, hits, size)
     # By kind of move: from where it leads to a free place, and how far that is in the table of all of them.
@@ -119,7 +123,7 @@ def find_moves(
                 grid = walls if ahead < WALL_STEPS else mates
                 works[kind][heading] &= ~np.roll(grid[heading], -ahead * step)
     for kind, pose in failed:
-        near = np.argsort(np.abs(_wrap(_ANGLES - pose.yaw)))[:FAILED_HEADINGS]
+        near = np.argsort(-np.cos(_ANGLES - pose.yaw))[:FAILED_HEADINGS]
         x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
         works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
     left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
@@ -154,18 +158,6 @@ def find_moves(
         before = (heading - kind // 2) % len(HEADINGS) if abs(kind) == 2 else heading
         best -= int(offsets[kind][before])
     return moves[::-1]
-
-
-def _wrap(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    wrapped: NDArray[np.float64] = np.remainder(angles + math.pi, math.tau) - math.pi
-    return wrapped
-
-
-def _border(mate: Teammate) -> NDArray[np.float64]:
-    """(2, n): points on the outline of a teammate, in the own base frame."""
-    (x, y, yaw), (xs, ys) = mate.pose, outline_of(mate.base.footprint).border
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
 def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
@@ -298,16 +290,14 @@ class Escape:
         for mate in view.teammates:
             hits = hits[:, np.hypot(hits[0] - mate.pose.x, hits[1] - mate.pose.y) > mate.base.radius + BODY]
         hits = CELL * np.unique(np.round(hits / CELL), axis=1)
-        cos, sin = math.cos(own.yaw), math.sin(own.yaw)
-        in_odom = np.array((own.x + cos * hits[0] - sin * hits[1], own.y + sin * hits[0] + cos * hits[1]))
-        self._seen = [each for each in self._seen if view.now - each[0] < KEPT] + [(view.now, in_odom)]
+        self._seen = [each for each in self._seen if view.now - each[0] < KEPT]
+        self._seen.append((view.now, _from_frame(own, hits)))
 
     def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
         """Find moves along a way."""
         self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
-        x, y = np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]) - np.array(own[:2])[:, None]
-        cos, sin, to_base = math.cos(own.yaw), math.sin(own.yaw), own.inverse()
-        hits = np.array((cos * x + sin * y, cos * y - sin * x))
+        to_base = own.inverse()
+        hits = _from_frame(to_base, np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]))
         failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
         found = find_moves(view, hits, way, failed, shunned)
         self._moves = [Move(kind, own.compose(end)) for kind, end in found]

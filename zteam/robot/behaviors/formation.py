@@ -126,12 +126,13 @@ def share_for_room(
     left: float,
     right: float,
     half_width: float,
+    ahead: float = AHEAD,
 ) -> float:
     """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
     beside = half_width + BESIDE_MARGIN
     # What is further to the side needs nothing.
     side = max(left, right) + beside
-    bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
+    bound = math.hypot(side, ahead) + max(math.hypot(place.x, place.y) for place in places)
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
@@ -142,7 +143,7 @@ def share_for_room(
     for x, y, yaw in places:
         dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
         along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        off = across[(along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)]
+        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
         for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
             if reach > 0.0 and offs.size:
                 needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
@@ -514,9 +515,9 @@ class Formation(LineMember):
         """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
         path = self._driven.path
         yaw = 0.0 if self.gap else path.at(path.project(here.x, here.y)).yaw - here.yaw
-        mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        places, mates = [Pose2(0.0, 0.0, yaw)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         shares = [
-            share_for_room(view.scan, [Pose2(0.0, 0.0, yaw)], mates, SIDE - right, right, view.base.half_width)
+            share_for_room(view.scan, places, mates, SIDE - right, right, view.base.half_width, BEHIND)
             for right in (0.0, SIDE)
             if view.scan is not None
         ]
