@@ -32,7 +32,7 @@ def test_a_click_pauses_the_world_and_another_one_lets_it_go_on(team: TeamFixtur
     screen.page.click("button[aria-label=Pause]")
     tick = stand(team)
     screen.page.wait_for_selector("button[aria-label=Resume]")
-    screen.wait("tick => zteam.app.store.team.sim.tick === tick", tick)
+    screen.wait("tick => zteam.app.store.frame.tick === tick", tick)
     assert team.tick == tick
     screen.page.click("button[aria-label=Resume]")
     team.wait_for(lambda: not team.sim_status.paused and team.tick > tick)

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
+from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Message, Path, Pose, PoseArray
 from zteam.messages.planar import pose2_of
 from zteam.node.tick_messages import stamp_of
 from zteam.view import frames
 from zteam.view.documents import Documents
 from zteam.view.received import Received, Viewer, robots_in_sight
-from zteam.view.scene import NO_SCAN, Scene
+from zteam.view.scene import Scene
 from zteam.view.team_view import TeamView
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
@@ -63,16 +64,15 @@ class Composer:
 
     def _scans(self, viewer: Viewer) -> Iterator[bytes]:
         robots = robots_in_sight(viewer, self._state.poses) if "scans" in viewer.look.layers else []
-        before, viewer.scanned = viewer.scanned, set()
+        before, viewer.scans = viewer.scans, {}
         for robot_id in robots:
             for index, number, block in self._scene.scans(robot_id, viewer.look.beams):
-                viewer.scanned.add((robot_id, index))
-                if viewer.lacks(("scan", robot_id, index), (number, viewer.look.beams)):
+                viewer.scans[robot_id, index] = version = number, viewer.look.beams
+                if before.pop((robot_id, index), None) != version:
                     yield block
         # What is not sent any more must not stay on the map as if it were seen now.
-        for robot_id, index in sorted(before - viewer.scanned):
-            viewer.has.pop(("scan", robot_id, index))
-            yield frames.encode_scan(robot_id, index, *NO_SCAN, beams=1)
+        for robot_id, index in before:
+            yield frames.encode_scan(robot_id, index, LaserScan(), Pose2(0.0, 0.0, 0.0), beams=1)
 
     def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
         """Tiles that the page lacks, of so many bytes together, and at least one."""

@@ -134,12 +134,11 @@ class TeamQueries:
         elif not self._has_log:
             self._has_log = True
             self.kept_log = [*kept_lines(self._ask(names.log_key("*"), list[LogLine]))]
-        if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
+        if self._keys_due.due():
             self.declarations = self._bus.declarations()
-        options = None if self._surveys or "topics" not in docs else self._bus.options
-        if options is not None and self._survey_due.due():
+        if "topics" in docs and self._bus.options and not self._surveys and self._survey_due.due():
             self._surveys = True
-            threading.Thread(target=self._survey, args=(options,), name="survey", daemon=True).start()
+            threading.Thread(target=self._survey, args=(self._bus.options,), name="survey", daemon=True).start()
         if self.refused is None and self.team.link_up:
             self.refused = list(self._find_refused())
         self._on_news()
@@ -154,9 +153,11 @@ class TeamQueries:
     def _survey(self, options: BusOptions) -> None:
         """Look at all keys for a while, on a session of its own: what this one has subscribed to stays as it is."""
         options = msgspec.structs.replace(options, connect=options.endpoint)
-        with suppress(ZteamError), closing(connect(options, patience=PATIENCE)) as bus:
-            self.topics = [topic_row(row) for row in find_rows(bus, "**")[0]]
-        self._surveys = False
+        try:
+            with suppress(ZteamError), closing(connect(options, patience=PATIENCE)) as bus:
+                self.topics = [topic_row(row) for row in find_rows(bus, "**")[0]]
+        finally:
+            self._surveys = False
 
     def _ask_simulator(self, *, obstacles: bool) -> None:
         sim = find_status(self._bus, PATIENCE) if self.alive(names.SIMULATOR) else None
@@ -179,7 +180,7 @@ class TeamQueries:
             # The aggregator does not send a tick's bundle twice.
             if self._received.get(names.TF) is None:
                 for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                    self._received.take(names.TF, bundle.content, topic=names.TF)
+                    self._received.take(names.TF, bundle.content)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
 
     def _first(self, service: str, kind: type[T]) -> T | None:

@@ -76,6 +76,8 @@ KEPT = 2000
 """Messages of one topic."""
 KEPT_BYTES = 16_000_000
 """Of one topic; the newest message is kept whatever its size."""
+MAX_BUNDLES = 500
+"""Messages of transforms that wait while no page takes a frame."""
 
 
 class Received:
@@ -90,6 +92,8 @@ class Received:
         self.number = 0
         """Of the newest message of all keys."""
         self._newest: dict[str, Arrival] = {}
+        self.bundles = deque[Arrival](maxlen=MAX_BUNDLES)
+        """All of transforms, until they are read."""
         self._kept: dict[str, deque[Arrival]] = {}
 
     def take(self, key: str, content: bytes | Message, encoding: str = "", *, topic: str = "") -> None:
@@ -97,8 +101,11 @@ class Received:
         with self._lock:
             self.number += 1
             arrival = Arrival(key, content, self.number, monotonic(), encoding)
-            self._newest[key] = arrival
-            if topic:
+            if not topic:
+                self._newest[key] = arrival
+                if key == names.TF:
+                    self.bundles.append(arrival)
+            else:
                 kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
                 kept.append(arrival)
                 # The messages of a topic are of about one size.
@@ -136,6 +143,7 @@ class Received:
     def clear(self) -> None:
         with self._lock:
             self._newest.clear()
+            self.bundles.clear()
 
     def since(self, topic: str, number: int) -> list[Arrival]:
         """The kept messages of a topic after the one with this number, oldest first."""
@@ -248,8 +256,8 @@ class Viewer:
         self.look = Look()
         self.watches: dict[tuple[str, str], int] = {}
         """The topics and fields that it watches, with the number of the newest message that it has of each."""
-        self.scanned: set[tuple[int, int]] = set()
-        """Robots and numbers of the lasers whose scans it is shown."""
+        self.scans: dict[tuple[int, int], object] = {}
+        """The version of the scan that it shows, by robot and number of the laser."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
         self.log_number = 0
@@ -351,7 +359,7 @@ def topics_of(
     if not aggregator:
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
     else:
-        wanted.add(Topic(names.TF, TFMessage, every=True))
+        wanted.add(Topic(names.TF, TFMessage))
         wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
     for viewer in viewers:
         layers = viewer.layers

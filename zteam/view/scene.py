@@ -3,7 +3,7 @@
 import math
 import shlex
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from operator import itemgetter
 from typing import Any
@@ -109,17 +109,14 @@ def _find_lost(
     return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def gate_row(status: TeamStatus | None, robots: Mapping[int, dict[str, Any]]) -> dict[str, Any]:
-    """The start gate, and with `id` and `reason` the robots that GO waits for."""
-    if status is None or status.state == TeamState.GO:
-        state, text = ("waiting", "no monitor") if status is None else ("go", "GO given")
-        return {"state": state, "text": text, "waiting_for": []}
-    missing = status.missing.tolist()
-    started = {i for i in missing if i in robots and robots[i]["state"] != "undriven"}
-    waiting = [{"id": i, "reason": robots[i]["reason"] if i in started else "no process yet"} for i in missing]
-    waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
-    text = f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"
-    return {"state": "waiting", "text": text, "waiting_for": waiting}
+def gate_row(status: TeamStatus | None) -> dict[str, str]:
+    """The start gate, and what it waits for."""
+    if status is None:
+        return {"state": "waiting", "text": "no monitor"}
+    if status.state == TeamState.GO:
+        return {"state": "go", "text": "GO given"}
+    waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, status.missing.tolist()))
+    return {"state": "waiting", "text": f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"}
 
 
 def sim_row(status: SimStatus | None, models: Collection[str], last_world: str = "") -> dict[str, Any]:
@@ -135,7 +132,6 @@ def sim_row(status: SimStatus | None, models: Collection[str], last_world: str =
         "lockstep": status.lockstep,
         "waits_for": short(status.waiting_for, 10_000),
         "models": sorted(models),
-        "tick": status.tick,
     }
 
 
@@ -163,9 +159,6 @@ PATIENCE = 0.5
 
 
 Found = tuple[Arrival, LaserScan]
-
-NO_SCAN = LaserScan(), Pose2(0.0, 0.0, 0.0)
-"""In the place of a scan and its sensor's pose that do not hold any more: without beams nothing is drawn."""
 
 
 class Scene:
@@ -201,17 +194,16 @@ class Scene:
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[int, int, bytes]]:
-        """Index, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
-        and whose place is not known any more an empty one."""
+        """Index, number and block of each laser's newest scan whose place at that time is known."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
-            placed, known = self._place(key, robot_id, index, found), self._blocks.get((key, beams))
-            if placed is not None or known is not None:
-                number, scan, sensor = placed or (0, *NO_SCAN)
+            if placed := self._place(key, robot_id, index, found):
+                number, scan, sensor = placed
+                known = self._blocks.get((key, beams))
                 if known is None or known[0] != number:
-                    block = frames.encode_scan(robot_id, index, scan, sensor, beams)
-                    known = self._blocks[key, beams] = number, block
-                yield index, known[0], known[1]
+                    known = number, frames.encode_scan(robot_id, index, scan, sensor, beams)
+                    self._blocks[key, beams] = known
+                yield index, *known
             index += 1
 
     def _place(self, key: str, robot_id: int, index: int, newest: Found) -> tuple[int, LaserScan, Pose2] | None:
@@ -262,7 +254,7 @@ class Scene:
             document = msgspec.json.encode(team)
             for row in team["robots"]:
                 row["age"] = row["speed"] = None
-            team["sim"] |= {"rtf": 0.0, "tick": 0, "waits_for": ""}
+            team["sim"] |= {"rtf": 0.0, "waits_for": ""}
             self._team = now, document, zlib.crc32(msgspec.json.encode(team))
         return self._team[1:]
 
@@ -301,7 +293,7 @@ class Scene:
             "robots": list(rows.values()),
             # Polygons in metres, in `base_footprint`.
             "outlines": [msgspec.Raw(outline) for outline in outlines],
-            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
+            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None),
             "sim": sim_row(sim, shapes.models if shapes else (), queries.last_world),
             # The grants that this process lacks where access is controlled.
             "refused": queries.refused,

@@ -84,7 +84,8 @@ class Places:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
         # Each message counts: after the one of the bases comes one of each localiser, within milliseconds.
-        for arrival in self._received.since(names.TF, self._taken.get(names.TF, 0)):
+        while self._received.bundles:
+            arrival = self._received.bundles.popleft()
             if (bundle := arrival.read(TFMessage)) is None:
                 continue
             stamp = bases_stamp(bundle)

@@ -82,7 +82,7 @@ def test_frames_are_told_that_came_before_they_were_asked_for() -> None:
     queries = SimpleNamespace(sim=None, frames={}, alive=lambda _name: True)
     places = Places(received)
     for child in ("robot_0/odom", "robot_1/odom"):
-        received.take("tf", encode(TFMessage([stamped("map", child, 1, 1.0)])), topic="tf")
+        received.take("tf", encode(TFMessage([stamped("map", child, 1, 1.0)])))
         places.look(())
     assert frames_told(received, places, queries, set()) == ["robot_0/odom", "robot_1/odom"]
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from zteam.bus import MemoryHub
+from zteam.messages import PoseStamped
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.view.team_view import TeamView
@@ -38,3 +39,12 @@ def test_an_error_of_the_thread_that_asks_ends_the_process(state: TeamView, monk
     monkeypatch.setattr(state, "_ask_once", fail)
     with pytest.raises(ValueError, match="unforeseen"):
         state.serve()
+
+
+def test_it_knows_who_takes_goals_whatever_pages_show() -> None:
+    """A page without the layers of navigation must not say that nothing takes a robot's goals."""
+    hub = MemoryHub()
+    queries = TeamView(ProcessNode("view", hub.bus(), Stop())).queries
+    hub.bus().subscribe("robot_0/goal_pose", PoseStamped, lambda *_: None)
+    queries.ask((), (), (), 0)
+    assert ("robot_0/goal_pose", False) in {(each.key, each.publishes) for each in queries.declarations}

@@ -96,7 +96,7 @@ class Behavior:
     reason: str = ""
     """Why it stands still, for the robot's status; empty while it does not."""
 
-    def __new__(cls, params: Any = None, *_: object) -> Self:
+    def __new__(cls, params: Any = None, *_: object, **__: object) -> Self:
         """A subclass with an `__init__` of its own has its parameters also where that does not call this one's."""
         made = super().__new__(cls)
         made.params = params

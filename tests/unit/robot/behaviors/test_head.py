@@ -115,14 +115,14 @@ class Leader(Behavior):
 
     uses_tf = True
 
-    def __init__(self) -> None:
+    def __init__(self, ends: Sequence[tuple[float, float]] = ()) -> None:
         super().__init__(NoParams())
-        self.head, self.hands_over = Head(), False
+        self.head, self.ends, self.hands_over = Head(), ends, False
 
     def step(self, view: View) -> Twist:
         own = own_pose(view)
         assert own is not None
-        command, _ = self.head.step(view, own, LineRole(may_turn=True), SPEED, 1.0)
+        command, _ = self.head.step(view, own, LineRole(may_turn=True), SPEED, 1.0, self.ends)
         self.hands_over = self.hands_over or command is None
         return command or Twist()
 
@@ -143,3 +143,19 @@ def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_a
     assert side * track[-1].y > 2.6
     assert not leader.hands_over
     assert min(clearance(pose, walls) for pose in track) > 0.12
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("known", [False, True])
+def test_of_two_ways_it_takes_the_one_that_is_no_dead_end(side: int, known: bool) -> None:
+    """Straight on its line has turned before. The way beside is too narrow to be looked at without a need."""
+    walls = [
+        (0.0, 0.0, 4.2, 0.0), (0.0, 0.0, 0.0, 0.95), (4.2, 0.0, 4.2, 1.75), (0.0, 0.95, 2.0, 0.95),
+        (2.95, 0.95, 4.2, 0.95), (2.0, 0.95, 2.0, 1.75), (2.0, 1.75, 4.2, 1.75),
+    ]  # fmt: skip
+    floor = Floor([Pose2(0.6, side * 0.475, 0.0)], [(x0, side * y0, x1, side * y1) for x0, y0, x1, y1 in walls])
+    leader, track = Leader([(3.8, side * 0.475)] if known else []), [floor.poses[0]]
+    while len(track) < 300 and track[-1].x < 3.1 and side * track[-1].y < 1.15:
+        floor.step([leader])
+        track.append(floor.poses[0])
+    assert (side * track[-1].y > 1.15) is known

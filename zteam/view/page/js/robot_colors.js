@@ -1,9 +1,10 @@
 /** The colour of each robot, the same in the map and in the panels. */
 
 // Hues of Okabe and Ito (2008), moved until each two differ by a CIEDE2000 of at least 10, also as protanopia and
-// deuteranopia show them (Machado 2009), and each stands out from its ground by a contrast of 3. A test computes it.
-const ON_LIGHT = ["#016ac2", "#ad5200", "#0a9465", "#c34e88", "#c57601", "#1690d2", "#504000", "#606060"];
-const ON_DARK = ["#159ffa", "#e87220", "#10c188", "#d083b5", "#fab112", "#7dcaf4", "#ffff58", "#bbbbbb"];
+// deuteranopia show them (Machado 2009), and each stands out from the floor by a contrast of 3, and from walls. A test
+// computes it.
+const ON_LIGHT = ["#016ac2", "#ad5200", "#0a9465", "#c34e88", "#c57601", "#1690d2", "#5599aa", "#ff5577"];
+const ON_DARK = ["#159ffa", "#e87220", "#10c188", "#d083b5", "#fab112", "#7dcaf4", "#ffff58", "#bb4433"];
 const ROUNDS = 3;
 
 /** @typedef {[number, number, number]} Rgb each 0..1 */

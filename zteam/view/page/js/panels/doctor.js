@@ -1,6 +1,6 @@
 /** What `zteam doctor` finds wrong with the team, and the way out; made when the panel is opened, and by a button. */
 
-import { el, reconcile, setText } from "./dom.js";
+import { el, reconcile, setText } from "../dom.js";
 import { formatTime } from "./format.js";
 import { whyNoCommand } from "../rights.js";
 

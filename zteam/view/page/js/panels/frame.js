@@ -1,6 +1,6 @@
 /** Where the panels stand: beside the map and below it, or on a narrow screen all in one drawer. */
 
-import { el } from "./dom.js";
+import { el } from "../dom.js";
 import { Tabs } from "./tabs.js";
 
 const NARROW = "(max-width: 47.5em)";

@@ -1,6 +1,6 @@
 /** The tree of all frames: where each is in its parent, how old that is, and which process says it. */
 
-import { breakable, el, reconcile, setText } from "./dom.js";
+import { breakable, el, reconcile, setText } from "../dom.js";
 import { formatAge, formatNumber } from "./format.js";
 
 /** @typedef {{name: string, parent: string, x: number, y: number, z: number, yaw: number, static: boolean, age: number | null, by?: string}} Frame */

@@ -2,7 +2,7 @@
 
 import { cancelGoals, isLive, liveGoals, pausedLists, progressText, tellEnds } from "../goals.js";
 import { robotColor } from "../robot_colors.js";
-import { el, iconButton, reconcile, setText } from "./dom.js";
+import { el, iconButton, reconcile, setText } from "../dom.js";
 import { whyNoCommand } from "../rights.js";
 
 /** More are counted. */

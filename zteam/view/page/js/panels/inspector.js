@@ -2,7 +2,7 @@
 
 import { progressText } from "../goals.js";
 import { robotColor } from "../robot_colors.js";
-import { el, reconcile, setAttribute, setText } from "./dom.js";
+import { el, reconcile, setAttribute, setText } from "../dom.js";
 import { formatAge, formatNumber } from "./format.js";
 import { drawLine } from "./log.js";
 import { ParameterList } from "./parameters.js";

@@ -2,7 +2,7 @@
 
 import { SHORTCUTS as MAP_SHORTCUTS } from "../shortcuts.js";
 import { isTyped } from "../tools/keys.js";
-import { el, iconButton } from "./dom.js";
+import { el, iconButton } from "../dom.js";
 
 /** @typedef {{keys: string, text: string, group: string}} Shortcut */
 

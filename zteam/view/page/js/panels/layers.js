@@ -1,7 +1,7 @@
 /** Which layers the map shows, how opaque and of which robots, and where it looks. */
 
 import { GROUPS, LAYERS, LEAST_OPACITY } from "../layers.js";
-import { el, reconcile, setText } from "./dom.js";
+import { el, reconcile, setText } from "../dom.js";
 
 /** @typedef {{element: HTMLElement, show: () => void}} Part */
 

@@ -1,6 +1,6 @@
 /** What all processes log: filtered, at its end unless the user scrolled up. */
 
-import { el, setText } from "./dom.js";
+import { el, setText } from "../dom.js";
 import { formatClock, formatTime } from "./format.js";
 
 const LEVELS = ["debug", "info", "warn", "error", "fatal"];

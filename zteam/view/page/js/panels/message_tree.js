@@ -1,6 +1,6 @@
 /** A message as a tree that keeps what the user has opened while new messages come. */
 
-import { el, reconcile, setText } from "./dom.js";
+import { el, reconcile, setText } from "../dom.js";
 import { formatPlain, unitOf } from "./format.js";
 
 const OPEN_DEPTH = 4;

@@ -1,6 +1,6 @@
 /** In a browser that has no WebGL2: in place of the map what is missing, the way out, and the tables that work without. */
 
-import { el } from "./dom.js";
+import { el } from "../dom.js";
 
 const WAYS = [
   "Chrome, Edge, Chromium: switch on Settings → System → “Use graphics acceleration when available”, and start the browser again.",

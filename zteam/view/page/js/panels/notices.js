@@ -2,7 +2,7 @@
  *  the state; and messages. */
 
 import { WATCHING } from "../connection.js";
-import { el, iconButton, setText } from "./dom.js";
+import { el, iconButton, setText } from "../dom.js";
 import { formatClock, formatNumber } from "./format.js";
 
 const TOAST = { info: 4000, error: 9000 }; // ms
@@ -162,7 +162,7 @@ function mountStatus(store, askForToken) {
     const count = team?.viewers ?? 1;
     setText(viewer, state === "open" && count > 1 ? `viewer ${store.connection.viewer}, ${count} pages` : "");
     watching.hidden = state !== "open" || mayCommand;
-    setText(gate, team ? gateText(team) : "");
+    setText(gate, team?.gate.text ?? "");
     gate.title = gate.textContent ?? "";
     gate.className = `grow ${team && team.gate.state !== "go" ? "warn" : "muted"}`;
     setText(time, team?.sim.present ? `tick ${frame.tick}` : "");
@@ -171,12 +171,4 @@ function mountStatus(store, askForToken) {
   for (const event of ["connection", "team"]) store.on(event, show);
   setInterval(show, 500);
   show();
-}
-
-/** @param {import("../store.js").Team} team @returns {string} */
-export function gateText(team) {
-  if (team.gate.state === "go") return team.gate.text || "GO";
-  if (team.gate.text) return team.gate.text;
-  const waiting = team.gate.waiting_for.map((/** @type {any} */ one) => `robot_${one.id}${one.reason ? ` (${one.reason})` : ""}`);
-  return waiting.length ? `waiting for ${waiting.join(", ")}` : "";
 }

@@ -1,7 +1,7 @@
 /** Picture, layout, theme and help, at the right of the tool bar. */
 
 import { download } from "../layout.js";
-import { el, iconButton } from "./dom.js";
+import { el, iconButton } from "../dom.js";
 
 /** @param {import("../app.js").App} app saves a picture of the map as the user sees it */
 export async function savePicture(app) {

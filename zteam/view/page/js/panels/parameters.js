@@ -1,6 +1,6 @@
 /** The parameters of a robot's behaviour, each with a control of its type. A refused value says why, in its place. */
 
-import { el, reconcile, setText } from "./dom.js";
+import { el, reconcile, setText } from "../dom.js";
 import { whyNoCommand } from "../rights.js";
 
 /** @typedef {{name: string, type: string, limits: Record<string, any>, description: string, required: boolean, default: any}} Parameter

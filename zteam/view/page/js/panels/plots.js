@@ -3,7 +3,7 @@
 import { ownerOf } from "../layers.js";
 import { Plots, SPANS } from "../plots.js";
 import { robotColor } from "../robot_colors.js";
-import { el, iconButton, setText } from "./dom.js";
+import { el, iconButton, setText } from "../dom.js";
 import { formatClock, formatPlain } from "./format.js";
 
 const DRAW_PERIOD = 150; // ms

@@ -1,6 +1,6 @@
 /** The simulator's controls: a few in the tool bar, all of them on a page of the panels. */
 
-import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "./dom.js";
+import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "../dom.js";
 import { formatClock, formatNumber } from "./format.js";
 import { showFacts } from "./inspector.js";
 import { whyNoCommand } from "../rights.js";
@@ -121,7 +121,7 @@ function factsOf({ team, frame }) {
     ["Speed", sim.speed ? speedText(sim.speed) : "as fast as possible"],
     ["Real-time factor", factorText(sim)],
     ["Lock-step", sim.lockstep ? `on${waits}` : "off: real time"],
-    ["Start gate", team.gate.state === "go" ? "GO" : team.gate.text || "waiting"],
+    ["Start gate", team.gate.text],
     namespace,
   ];
 }

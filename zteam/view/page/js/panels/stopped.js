@@ -1,6 +1,6 @@
 /** Above the map, while robots are stopped: which, that nothing drives them, and the way to release them. */
 
-import { confirmButton, el, setText } from "./dom.js";
+import { confirmButton, el, setText } from "../dom.js";
 import { whyNoCommand } from "../rights.js";
 
 const NAMED = 6;

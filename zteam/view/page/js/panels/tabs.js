@@ -1,6 +1,6 @@
 /** A row of tabs with their pages, as WAI-ARIA describes them. */
 
-import { el, iconButton } from "./dom.js";
+import { el, iconButton } from "../dom.js";
 
 /**
  * One tab: its page is made at once; `shown` says whether the user sees it.

@@ -1,9 +1,8 @@
 /** The table of robots: what each one is, does and is driven by, and why it stands. A click selects. */
 
 import { robotColor } from "../robot_colors.js";
-import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
+import { confirmButton, el, reconcile, setAttribute, setText } from "../dom.js";
 import { formatAge, formatNumber } from "./format.js";
-import { gateText } from "./notices.js";
 import { whyNoCommand } from "../rights.js";
 
 /** @typedef {import("../store.js").Robot} Robot */
@@ -65,7 +64,7 @@ function summaryOf({ team }) {
   const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
   const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
   // GO stands below the map too.
-  const gate = team.gate.state === "go" ? "" : gateText(team);
+  const gate = team.gate.state === "go" ? "" : team.gate.text;
   return `${robots}${states ? `: ${states}` : ""}${gate ? ` · ${gate}` : ""}`;
 }
 
@@ -192,7 +191,7 @@ function actionsOf(app) {
   const inspect = el("button", { type: "button", onclick: () => app.inspect(first()) }, "Inspect");
   const none = el("button", { type: "button", onclick: () => app.select([]) }, "Deselect");
   const remove = confirmButton("Remove", "Click again to remove", async () => {
-    for (const robot of store.selection) await app.ask({ op: "remove", robot }, `robot_${robot} stays`);
+    for (const robot of store.selection) await app.ask({ op: "remove", robot }, `Remove robot_${robot}`);
   });
   remove.classList.add("danger");
   const row = el("div", { class: "row over" }, text, inspect, follow, none, remove);

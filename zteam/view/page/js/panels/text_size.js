@@ -1,6 +1,6 @@
 /** The browser's size of text, which its user may change at any time. */
 
-import { el } from "./dom.js";
+import { el } from "../dom.js";
 
 /** Pictures of text and charts are made anew when it changes, as when the colours do. @param {import("../store.js").Store} store */
 export function watchTextSize(store) {

@@ -1,6 +1,6 @@
 /** All topics with types and rates; of one of them the newest message as a tree, whose numbers can be plotted. */
 
-import { breakable, el, iconButton, reconcile, setAttribute, setText } from "./dom.js";
+import { breakable, el, iconButton, reconcile, setAttribute, setText } from "../dom.js";
 import { formatNumber } from "./format.js";
 import { MessageTree } from "./message_tree.js";
 

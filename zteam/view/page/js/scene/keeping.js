@@ -13,37 +13,43 @@ const LOOSE = 2;
 const TIME = 400,
   LONGEST = 100;
 
-/** @typedef {{u: number, v: number, scale: number}} Sight the middle of the screen in metres to the right and up, as the map is
- *   turned, and pixels a metre */
-/** @typedef {[number, number, number, number]} Box left, lowest, right, highest in these metres */
-
 /** @param {import("../app.js").App} app @param {() => [number, number, number, number] | null} mapBox the map's extent */
 export function makeKeeper({ store, camera }, mapBox) {
   let last = 0,
     fitted = "";
 
-  /** @returns {Box} around the robots as they are drawn */
-  function teamBox() {
-    const { poses } = store,
-      [c, s] = [Math.cos(camera.angle), Math.sin(camera.angle)];
-    /** @type {Box} */
-    const box = [Infinity, Infinity, -Infinity, -Infinity];
-    for (let i = 0; i < poses.count; i++) {
-      const [x, y] = poses.drawnAt(i),
-        u = c * x - s * y,
-        v = s * x + c * y;
-      box[0] = Math.min(box[0], u);
-      box[1] = Math.min(box[1], v);
-      box[2] = Math.max(box[2], u);
-      box[3] = Math.max(box[3], v);
+  /** The robots as they are drawn, with this many metres around them: left, top, right, bottom in pixels; and how many
+   * times larger that would fit on the screen. @param {number} margin */
+  function look(margin) {
+    const box = [Infinity, Infinity, -Infinity, -Infinity],
+      around = margin * camera.scale;
+    for (let i = 0; i < store.poses.count; i++) {
+      const [px, py] = camera.toScreen(...store.poses.drawnAt(i));
+      box[0] = Math.min(box[0], px - around);
+      box[1] = Math.min(box[1], py - around);
+      box[2] = Math.max(box[2], px + around);
+      box[3] = Math.max(box[3], py + around);
     }
-    return box;
+    return { box, fits: Math.min(camera.width / (box[2] - box[0]), camera.height / (box[3] - box[1])) };
   }
 
-  /** @param {Sight} sight */
-  function show({ u, v, scale }) {
-    const [c, s] = [Math.cos(camera.angle), Math.sin(camera.angle)];
-    camera.show({ x: c * u + s * v, y: c * v - s * u, scale, follow: -1 });
+  /** Brings the point of the screen that lies so far right of and below its middle nearer to that, and makes the map
+   * larger. @param {number} dx @param {number} dy pixels @param {number} zoom @param {number} [share] of the way */
+  function go(dx, dy, zoom, share = 1) {
+    const [x, y] = camera.toMap(camera.width / 2 + share * dx, camera.height / 2 + share * dy);
+    camera.show({ x, y, scale: camera.scale * zoom ** share, follow: -1 });
+  }
+
+  /** Goes some of the shortest way to a view that has the robots and this margin inside, zoomed by `wish` if they fit.
+   * @param {number} margin m @param {number} wish @param {number} [share] @returns {boolean} whether there is a way */
+  function approach(margin, wish, share) {
+    const { box, fits } = look(margin),
+      zoom = Math.min(wish, fits),
+      dx = overhang(box[0], box[2], camera.width, zoom),
+      dy = overhang(box[1], box[3], camera.height, zoom);
+    if (Math.hypot(dx, dy) < 0.5 && Math.abs(zoom - 1) < 1e-3) return false;
+    go(dx, dy, zoom, share);
+    return true;
   }
 
   return {
@@ -58,65 +64,32 @@ export function makeKeeper({ store, camera }, mapBox) {
     step(now) {
       if (camera.placed || camera.held) return false;
       const passed = Math.min(now - last, LONGEST),
-        { count } = store.poses,
-        box = count ? null : mapBox();
-      last = now;
-      const about = count ? `${camera.width} ${camera.height}` : `${box} ${camera.width} ${camera.height}`,
+        isThere = store.poses.count > 0,
+        map = isThere ? null : mapBox(),
+        about = `${isThere} ${map} ${camera.width} ${camera.height}`,
         first = about !== fitted;
+      last = now;
       fitted = about;
-      if (!count) {
-        if (first && box) camera.fit(box);
+      if (!isThere) {
+        if (first && map) camera.fit(map);
         camera.placed = false;
         return false;
       }
-      const team = teamBox(),
-        scale = scaleFor(camera, team, AROUND);
+      const { box, fits } = look(AROUND);
       if (first) {
-        show({ u: (team[0] + team[2]) / 2, v: (team[1] + team[3]) / 2, scale });
+        go((box[0] + box[2] - camera.width) / 2, (box[1] + box[3] - camera.height) / 2, fits);
         return false;
       }
-      const [c, s] = [Math.cos(camera.angle), Math.sin(camera.angle)],
-        sight = { u: c * camera.x - s * camera.y, v: s * camera.x + c * camera.y, scale: camera.scale },
-        aim = within(camera, scale > LOOSE * sight.scale ? { ...sight, scale } : sight, team, INSIDE),
-        share = 1 - Math.exp(-passed / TIME);
-      if (isNear(aim, sight)) return false;
-      const next = within(camera, mix(sight, aim, share), team, LEAST);
-      show(next);
-      return true;
+      const moves = approach(INSIDE, fits > LOOSE ? fits : 1, 1 - Math.exp(-passed / TIME));
+      if (moves) approach(LEAST, 1);
+      return moves;
     },
   };
 }
 
-/** @typedef {{width: number, height: number}} Size pixels */
-
-/** The scale at which a box fits on the screen with a margin. @param {Size} size @param {Box} box @param {number} margin m */
-function scaleFor({ width, height }, [left, low, right, high], margin) {
-  return Math.min(width / (right - left + 2 * margin), height / (high - low + 2 * margin));
-}
-
-/** The sight that shows a box with a margin and is nearest to another one. @param {Size} size @param {Sight} sight
- * @param {Box} box @param {number} margin m @returns {Sight} */
-export function within(size, { u, v, scale }, box, margin) {
-  const [left, low, right, high] = box,
-    fitting = Math.min(scale, scaleFor(size, box, margin)),
-    [across, up] = [size.width / 2 / fitting - margin, size.height / 2 / fitting - margin];
-  return {
-    u: Math.min(Math.max(u, right - across), left + across),
-    v: Math.min(Math.max(v, high - up), low + up),
-    scale: fitting,
-  };
-}
-
-/** @param {Sight} from @param {Sight} to @param {number} share @returns {Sight} */
-function mix(from, to, share) {
-  return {
-    u: from.u + share * (to.u - from.u),
-    v: from.v + share * (to.v - from.v),
-    scale: from.scale + share * (to.scale - from.scale),
-  };
-}
-
-/** Whether two sights differ by less than half a pixel. @param {Sight} a @param {Sight} b */
-function isNear(a, b) {
-  return Math.hypot(a.u - b.u, a.v - b.v) * b.scale < 0.5 && Math.abs(a.scale / b.scale - 1) < 1e-3;
+/** How far something from `low` to `high` would reach over the edge of a screen zoomed about its middle, in pixels of now:
+ * negative over the first edge. @param {number} low @param {number} high @param {number} size @param {number} zoom */
+function overhang(low, high, size, zoom) {
+  const spare = size / 2 - size / 2 / zoom;
+  return Math.min(low - spare, 0) + Math.max(high - size + spare, 0);
 }

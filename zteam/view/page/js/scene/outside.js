@@ -1,5 +1,7 @@
 /** Arrows at the edge of the map to the robots outside of it: a click brings them into view. */
 
+import { el, setText } from "../dom.js";
+
 /** Pixels from the edge to the middle of an arrow's button. */
 const INSET_X = 48,
   INSET_Y = 16;
@@ -28,9 +30,10 @@ function findPlaces({ store: { poses, selection }, camera }) {
       share = Math.min(across, down),
       [px, py] = [cx + share * dx, cy + share * dy];
     const choices = SHIFTS.map((k) => (across < down ? { px, py: py + 2 * k * INSET_Y } : { px: px + 2 * k * INSET_X, py }));
-    const free = choices.find((place) => isOnEdge(place, camera) && !places.some((other) => areClose(place, other)));
-    if (free) places.push({ ids: [poses.ids[i]], ...free, angle: Math.atan2(dy, dx) });
-    else (places.find((other) => areClose({ px, py }, other)) ?? places[0]).ids.push(poses.ids[i]);
+    const free = choices.find((place) => isOnEdge(place, camera) && !places.some((other) => areClose(place, other))),
+      joined = free ? null : (places.find((other) => areClose({ px, py }, other)) ?? places[0]);
+    if (joined) joined.ids.push(poses.ids[i]);
+    else places.push({ ids: [poses.ids[i]], px, py, ...free, angle: Math.atan2(dy, dx) });
   }
   return places;
 }
@@ -65,14 +68,8 @@ export function makeOutside(app, element) {
 
   /** @param {number} i */
   function makeButton(i) {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.className = "outside";
-    button.dataset.ownPointer = "";
-    button.append(document.createElement("i"), document.createElement("span"));
-    button.addEventListener("click", () => bring(robots[i]));
-    element.append(button);
-    return button;
+    const attributes = { type: "button", class: "outside", "data-own-pointer": true, onclick: () => bring(robots[i]) };
+    return element.appendChild(el("button", attributes, el("i"), el("span")));
   }
 
   return {
@@ -89,8 +86,7 @@ export function makeOutside(app, element) {
         button.style.translate = `calc(${px.toFixed(1)}px - 50%) calc(${py.toFixed(1)}px - 50%)`;
         button.style.setProperty("--robot", theme.robotCss(ids[0]));
         arrow.style.rotate = `${angle.toFixed(3)}rad`;
-        if (text.textContent === shown) return;
-        text.textContent = shown;
+        setText(text, shown);
         button.title = `${shown} is outside of the view: show it`;
       });
       for (let i = places.length; i < buttons.length; i++) buttons[i].hidden = true;

@@ -94,12 +94,11 @@ export function makeGoalTool(app) {
       before = asked;
     asked = null;
     if (!found?.bad) return true;
-    const isSecond = before && now - before.time < ASK_LIMIT && Math.hypot(x - before.x, y - before.y) * app.camera.scale < SAME;
+    const isSecond = before !== null && now - before.time < ASK_LIMIT && Math.hypot(x - before.x, y - before.y) * app.camera.scale < SAME;
     if (isSecond) app.say(`Goal sent, though it is not free: ${found.text}`, "info", "goal");
-    if (isSecond) return true;
-    asked = { x, y, time: now };
-    app.say(`Goal not sent: ${found.text}. Press again at the same place to send it anyway`, "error", "goal");
-    return false;
+    else app.say(`Goal not sent: ${found.text}. Press again at the same place to send it anyway`, "error", "goal");
+    asked = isSecond ? null : { x, y, time: now };
+    return isSecond;
   }
 
   const tool = makePoseTool(

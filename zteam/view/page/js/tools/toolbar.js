@@ -1,5 +1,6 @@
 /** The buttons of the tools and of the camera. */
 
+import { el } from "../dom.js";
 import { whyNoTool } from "../rights.js";
 import { toggleFollow } from "./keys.js";
 
@@ -28,22 +29,13 @@ const TOOLS = [
 
 /** @param {string} name @param {string} word @param {string} title @param {() => void} act */
 function makeButton(name, word, title, act) {
-  const button = document.createElement("button"),
-    svg = document.createElementNS(SVG, "svg"),
-    path = document.createElementNS(SVG, "path"),
-    text = document.createElement("span");
-  button.type = "button";
-  button.title = title;
-  button.className = "tool";
-  button.setAttribute("aria-label", title);
-  button.dataset.tool = name;
+  const svg = document.createElementNS(SVG, "svg"),
+    path = document.createElementNS(SVG, "path");
   svg.setAttribute("viewBox", "0 0 24 24");
   path.setAttribute("d", ICONS[name]);
   svg.append(path);
-  text.textContent = word;
-  button.append(svg, text);
-  button.addEventListener("click", act);
-  return button;
+  const attributes = { type: "button", class: "tool", title, "aria-label": title, "data-tool": name, onclick: act };
+  return el("button", attributes, svg, el("span", {}, word));
 }
 
 /** @param {import("../app.js").App} app @param {HTMLElement} bar */
@@ -52,12 +44,11 @@ export function mountToolbar(app, bar) {
   const drive = makeButton("drive", "Drive", "Drive the selected robot (d)", () => app.drive?.set(!app.drive.mode));
   const fit = makeButton("fit", "Team", "Keep the team in view (f); Home shows the whole map", () => app.scene?.keepTeam());
   const follow = makeButton("follow", "Follow", "Follow the selected robot with the view (Shift+F)", () => toggleFollow(app));
-  bar.append(...tools, drive, separator(), fit, follow);
+  bar.append(...tools, drive, el("span", { class: "separator" }), fit, follow);
 
   let looks = "";
   app.store.on("camera", ({ follow: robot, placed }) => {
-    if (looks === (looks = `${robot} ${placed}`)) return;
-    show();
+    if (looks !== (looks = `${robot} ${placed}`)) show();
   });
 
   function show() {
@@ -75,10 +66,4 @@ export function mountToolbar(app, bar) {
   }
   for (const name of ["tool", "drive", "connection", "team", "selection"]) app.store.on(name, show);
   show();
-}
-
-function separator() {
-  const line = document.createElement("span");
-  line.className = "separator";
-  return line;
 }
