@@ -7,7 +7,7 @@ tells whether a turn or a drive works. One that does not is not tried there agai
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.messages import Twist, Vector3
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import outline_of
-from zteam.robot.view import Teammate, View, beams_of
+from zteam.robot.view import View, beams_of
 
 CELL = 0.05
 """Metres: side of a cell of the search. The robot stands on the middle one, and its x axis is the search's."""
@@ -46,7 +46,7 @@ NEARER, LEAST_NEARER = 0.5, 0.15
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
 BESIDE = 0.9
-"""Metres from teammates, which wait for the robot or come after it, that it leads to then."""
+"""Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
 FAILED_NEAR, FAILED_HEADINGS = 3, 3
 """Cells around the place of a move that did not work, and headings, for which none like it is tried."""
 ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
@@ -68,12 +68,15 @@ def _covered(footprint: tuple[Point2, ...]) -> tuple[NDArray[np.intp], ...]:
     outline = outline_of(footprint)
     far = math.ceil((outline.radius + MARGIN) / CELL)
     cells = np.stack(np.meshgrid(*(np.arange(-far, far + 1),) * 2), axis=-1).reshape(-1, 2)
-    found = []
-    for angle in ANGLES:
-        cos, sin = math.cos(angle), math.sin(angle)
-        points = CELL * np.array((cos * cells[:, 0] + sin * cells[:, 1], cos * cells[:, 1] - sin * cells[:, 0]))
-        found.append(cells[outline.distances(points) <= MARGIN])
-    return tuple(found)
+    points = [_from_frame(Pose2(0.0, 0.0, -angle), CELL * cells.T) for angle in ANGLES]
+    return tuple(cells[outline.distances(each) <= MARGIN] for each in points)
+
+
+def _from_frame(pose: Pose2, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Points (2, n) of the frame at `pose`, in the frame that this is in."""
+    (x, y, yaw), (xs, ys) = pose, points
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
 
 
 def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
@@ -92,10 +95,10 @@ def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.b
 
 def find_moves(
     view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]],
-    shunned: Sequence[tuple[float, float, float]] = (),
+    shunned: Sequence[Point2] = (),
 ) -> list[Move]:  # fmt: skip
     """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here, from the
-    teammates and from the discs `shunned` (x, y, radius). Empty if none do.
+    teammates and from the places `shunned`. Empty if none do.
 
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
@@ -103,7 +106,8 @@ def find_moves(
     reach = round(REACH / CELL)
     middle = reach + 2 * MATE_STEPS
     size = 2 * middle + 1
-    borders = [_border(mate) for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
     mates = _blocked(view, np.hstack([np.empty((2, 0)), *borders]), size)
     walls = mates | _blocked(view, hits, size)
     # By kind of move: from where it leads to a free place, and how far that is in the table of all of them.
@@ -119,10 +123,10 @@ def find_moves(
                 grid = walls if ahead < WALL_STEPS else mates
                 works[kind][heading] &= ~np.roll(grid[heading], -ahead * step)
     for kind, pose in failed:
-        near = np.argsort(np.abs(_wrap(_ANGLES - pose.yaw)))[:FAILED_HEADINGS]
+        near = np.argsort(-np.cos(_ANGLES - pose.yaw))[:FAILED_HEADINGS]
         x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
         works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
-    left = _left(way, size, [*shunned, *((*mate.pose[:2], BESIDE) for mate in view.teammates)]).ravel()
+    left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
     start = best = middle * size + middle
     nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
     costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
@@ -156,25 +160,13 @@ def find_moves(
     return moves[::-1]
 
 
-def _wrap(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    wrapped: NDArray[np.float64] = np.remainder(angles + math.pi, math.tau) - math.pi
-    return wrapped
-
-
-def _border(mate: Teammate) -> NDArray[np.float64]:
-    """(2, n): points on the outline of a teammate, in the own base frame."""
-    (x, y, yaw), (xs, ys) = mate.pose, outline_of(mate.base.footprint).border
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
-
-
-def _left(way: Sequence[Point2], size: int, shunned: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
+def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
     """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
-    way: less the further away it is, and nothing is won in the discs that are `shunned`."""
+    way: less the further away it is, and nothing is won near places that are `shunned`."""
     places = CELL * (np.arange(size) - size // 2)
     if not way:
         away = np.hypot(places, places[:, None])
-        near = [np.hypot(places - x, places[:, None] - y) < radius for x, y, radius in shunned]
+        near = [np.hypot(places - x, places[:, None] - y) < BESIDE for x, y in shunned]
         return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
     points = np.array(way)
     steps = np.hypot(*np.diff(points, axis=0).T)
@@ -277,8 +269,8 @@ class Escape:
             self._stuck_at, self._looks_at = None, now + RESTS
         return freed or command
 
-    def leave(self, view: View, shunned: Sequence[tuple[float, float, float]] = ()) -> bool:
-        """Whether there is a way away from here, and not into discs `shunned` (base frame); `free` then takes it."""
+    def leave(self, view: View, shunned: Sequence[Point2] = ()) -> bool:
+        """Whether there is a way away from here, and not to places `shunned` (base frame); `free` then takes it."""
         own = None if view.odom is None else pose2_of(view.odom.pose.pose)
         if own is None:
             return False
@@ -298,18 +290,14 @@ class Escape:
         for mate in view.teammates:
             hits = hits[:, np.hypot(hits[0] - mate.pose.x, hits[1] - mate.pose.y) > mate.base.radius + BODY]
         hits = CELL * np.unique(np.round(hits / CELL), axis=1)
-        cos, sin = math.cos(own.yaw), math.sin(own.yaw)
-        in_odom = np.array((own.x + cos * hits[0] - sin * hits[1], own.y + sin * hits[0] + cos * hits[1]))
-        self._seen = [each for each in self._seen if view.now - each[0] < KEPT] + [(view.now, in_odom)]
+        self._seen = [each for each in self._seen if view.now - each[0] < KEPT]
+        self._seen.append((view.now, _from_frame(own, hits)))
 
-    def _find(
-        self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[tuple[float, float, float]] = ()
-    ) -> None:
+    def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
         """Find moves along a way."""
         self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
-        x, y = np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]) - np.array(own[:2])[:, None]
-        cos, sin, to_base = math.cos(own.yaw), math.sin(own.yaw), own.inverse()
-        hits = np.array((cos * x + sin * y, cos * y - sin * x))
+        to_base = own.inverse()
+        hits = _from_frame(to_base, np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]))
         failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
         found = find_moves(view, hits, way, failed, shunned)
         self._moves = [Move(kind, own.compose(end)) for kind, end in found]

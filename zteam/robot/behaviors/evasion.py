@@ -106,11 +106,6 @@ BEEN, TWICE, LEFT = 0.6, 2, 5
 """It hands over where it has left a place within so many metres so often; that many more places are remembered."""
 BEFORE_END = 0.8
 """Metres before a dead end at which it looks for another way: there is one that it has not seen in time else."""
-END = 0.9
-"""Metres around a dead end in which no way is looked for."""
-HOME, HOME_FOR, HOME_EVERY = 2.0, to_ns(30.0), to_ns(2.0)
-"""A head that has not come so many metres away in so many nanoseconds, as in a small room, looks for one that leads so
-far each so many nanoseconds."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 
@@ -126,8 +121,6 @@ class Head:
         self._anchor = Pose2(0.0, 0.0, 0.0), 0
         """Where it got on last, and when."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
-        self._home: tuple[Point2, int] = (math.inf, math.inf), 0
-        """From where it has not come away, and when it may look for a way (ns)."""
         self._escape = Escape()
         self._left: list[Point2] = []
         """The last places in map from which it looked for a way to leave them."""
@@ -165,21 +158,12 @@ class Head:
         if self._escape.is_moving:
             return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
         shunned = [own.locate(*end) for end in ends]
-        if math.dist(own[:2], self._home[0]) > HOME:
-            self._home = own[:2], view.now + HOME_FOR
-        elif view.now > self._home[1]:
-            self._home = self._home[0], view.now + HOME_EVERY
-            if self._escape.leave(view, [(*own.locate(*self._home[0]), HOME)]):
-                return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
         if self._heading is None and self._wants_another(view, own, ahead, _room_before(shunned, 0.0)):
             self._drawn_at = own
             turn = self._draw(view, scan, shunned)
             if turn is None and (ahead < FREE or _room_before(shunned, 0.0) < FREE):
                 been = sum(math.dist(own[:2], at) < BEEN for at in self._left)
-                if been < TWICE and (
-                    self._escape.leave(view, [(*end, END) for end in shunned])
-                    or (ahead < FREE and self._escape.leave(view))
-                ):
+                if been < TWICE and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
                     self._left = [*self._left[-LEFT:], own[:2]]
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if ahead < FREE and view.now - self._since > FIRST:

@@ -2,29 +2,29 @@
 
 A slot lies so far back along the leader's trail, and so far to the left of it. So a formation goes round a bend as a
 train does, and does not swing outwards like a board. It is squeezed to a column where walls are near, and where it
-goes round a tight bend.
+goes round a tight bend. Between two walls its robots are a line, each behind the next one, until all are out: so they
+get out of a dead end, the last one first.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.clock import to_ns
+from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2, normalize_angle
-from zteam.messages import LaserScan, Message, Twist, Vector3
-from zteam.robot.behaviors.behavior import Behavior
+from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
-from zteam.robot.behaviors.evasion import MOVED, STRAY, Around, BoxedIn
-from zteam.robot.behaviors.line import STATUSES, see_robot, waits_for
-from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits
-from zteam.robot.behaviors.wander import draw_heading
-from zteam.robot.view import NO_POSE, Teammate, View, beams_of, is_clear, own_pose
+from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
+from zteam.robot.behaviors.line import Line, see_robot
+from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
+from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
+from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
 _RISE = math.sqrt(0.5)
@@ -126,12 +126,13 @@ def share_for_room(
     left: float,
     right: float,
     half_width: float,
+    ahead: float = AHEAD,
 ) -> float:
     """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
     beside = half_width + BESIDE_MARGIN
     # What is further to the side needs nothing.
     side = max(left, right) + beside
-    bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
+    bound = math.hypot(side, ahead) + max(math.hypot(place.x, place.y) for place in places)
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
@@ -142,7 +143,7 @@ def share_for_room(
     for x, y, yaw in places:
         dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
         along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        off = across[(along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)]
+        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
         for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
             if reach > 0.0 and offs.size:
                 needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
@@ -227,19 +228,10 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
-NEXT, LOOP = 0.2, 0.35
-"""Metres between two points of a trail that is looked at for loops, and to which the points of one come together."""
-NARROW, NARROW_FOR = 0.8, to_ns(5.0)
-"""What the shares come to that the walls on either side of a corridor need of a spacing, and for how long it counts."""
-ROOM_BACK, COMES, BOXED_FOR = 1.2, 0.6, to_ns(10.0)
-"""Metres that a leader gets besides the spacing that turns to the way back, metres of that way to which it does, and
-nanoseconds for which it gets them where it was boxed in."""
-BLOCKED_FOR, AIMS_FOR = to_ns(5.0), to_ns(8.0)
-"""Nanoseconds behind one that does not get on, and after which it looks elsewhere for a way on."""
-JOINS = 1.5
-"""Of the spacing, up to which a robot beyond the beginning of the way to the trail makes it longer."""
-AROUND = 4.0
-"""Metres from the robot within which its way is told where it is stuck."""
+SIDE, NARROW = 0.8, 0.8
+"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+SAME, MOST_PLACES = 0.35, 200
+"""Metres about a place in a corridor in which a robot is there, and places that are remembered."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -252,26 +244,14 @@ STALE_AFTER = 1.0
 """Seconds; a member with an older pose is not seen any more."""
 
 
-def chain_to(end: Point2, places: Iterable[Point2]) -> Polyline:
-    """Over these places to `end`, from each to the nearest of the others: a wall may be between."""
-    way, rest = [end], list(places)
+def file_behind(leader: Point2, places: Mapping[int, Point2]) -> list[int]:
+    """The robots from the leader on, from each one the nearest of the others."""
+    order: list[int] = []
+    at, rest = leader, dict(places)
     while rest:
-        way.append(min(rest, key=lambda place: math.dist(place, way[-1])))
-        rest.remove(way[-1])
-    return Polyline(way[::-1])
-
-
-def find_way_out(trail: LeaderTrail, lead_in: Polyline) -> Polyline:
-    """From the leader back over its trail, and to where that comes from, without loops and dead ends."""
-    places = (trail.path.point(at) for at in np.arange(trail.path.start, trail.path.end, NEXT))
-    before = (lead_in.point(at) for at in np.arange(0.0, lead_in.end, NEXT))
-    points = np.array([*before, *places, trail.path.last, trail.leader[:2]])[::-1]
-    at, way = 0, Polyline([points[0]])
-    while at + 1 < len(points):
-        near = np.hypot(*(points[at + 1 :] - points[at]).T) < LOOP
-        at += 1 + (int(near.nonzero()[0][-1]) if near.any() else 0)
-        way.append(*points[at].tolist())
-    return way
+        order.append(min(rest, key=lambda robot: (math.dist(rest[robot], at), robot)))
+        at = rest.pop(order[-1])
+    return order
 
 
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
@@ -285,19 +265,6 @@ def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
         return Twist()
     ahead = min(wanted, limits.linear) * math.cos(angle) if abs(angle) < SPOT_ANGLE else 0.0
     return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * angle + turn)))
-
-
-def is_before(mate: Teammate, bearing: float) -> bool:
-    """Whether another robot is in front of this one, if that drives towards a bearing (rad)."""
-    along, across = mate.along(bearing)
-    return along > abs(across)
-
-
-def drive_at(target: Point2, speed: float, limits: SpeedLimits) -> Twist:
-    """The velocity towards a place in the own base frame, on the spot as long as that is far to the side."""
-    bearing = math.atan2(target[1], target[0])
-    ahead = min(limits.linear, speed) * math.cos(bearing) if abs(bearing) < SPOT_ANGLE else 0.0
-    return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * bearing)))
 
 
 def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
@@ -337,7 +304,7 @@ class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
     stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
 
 
-class Formation(Behavior):
+class Formation(LineMember):
     """Keep a slot of a formation behind a leader: line, column, wedge, diamond or circle.
 
     The slots lie along the leader's trail. All robots of the formation compute from the same poses which of them takes
@@ -347,68 +314,72 @@ class Formation(Behavior):
     Params = FormationParams
     params: FormationParams
     uses_tf = True
-    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
     def __init__(self, params: FormationParams) -> None:
         super().__init__(params)
+        self.steering = None
+        self._leads: int = params.leader
         self.leader: int = params.leader
+        """The robot that leads; and while this one is in a file, the one ahead of it there."""
         self._slots: dict[int, int] = {}
         """The number of each member's slot, by robot id."""
         self._assigned = -1
         """The period in which they were assigned."""
-        self._trail = LeaderTrail()
-        self._lead_in, self._led_in = Polyline(), 0
-        """In map, to where the trail begins; and over the places of how many robots."""
+        self._driven = LeaderTrail()
         self._squeezed = self._needed = 0.0
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
         self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
         self._boxed_in, self._escape = BoxedIn(), Escape()
-        self._got_on = 0
-        """When it could get on last (ns)."""
-        self._aim, self._aims_until = (0.0, 0.0), 0
-        """Where in map it looks for a way on, and until when (ns)."""
-        self._is_narrow, self._narrow_until, self._boxed_until = False, 0, 0
-        """Whether it is in a corridor, until when that counts (ns); and until when its leader is to get room there."""
+        self._before = 0
+        """How many robots were before it in the file."""
+        self._narrow: list[Point2] = []
+        """Places in map where it was between two walls."""
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
-        if self.params.leader != self.leader:
-            self.leader = self.params.leader
-            self._trail.forget()
+        if self.params.leader != self._leads:
+            self._leads = self.params.leader
+            self._driven.forget()
+        self._leave_file()
         # Assign anew at the next look.
         self._slots = {}
 
     def on_release(self) -> None:
         """See Behavior: neither it nor its leader is boxed in because it stood."""
+        super().on_release()
         self._escape.rest()
         self._boxed_in, self._makes_way = BoxedIn(), False
 
+    @property
+    def _may_turn(self) -> bool:
+        return self.gap > 0.0
+
     def missing(self, view: View) -> list[str]:
-        leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
-        return [] if leader else [f"the pose of its leader {names.robot_name(self.leader)}"]
+        leader, _ = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
+        return [] if leader else [f"the pose of its leader {names.robot_name(self._leads)}"]
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
         here = own_pose(view)
-        leader, self.reason = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
+        leader, self.reason = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
-            self._trail.forget()
+            self._driven.forget()
             self.on_release()
             return Twist()
         members = self._members(view)
-        trail = self._trail
-        if trail.is_far(leader.pose) or (len(members) > self._led_in and trail.place - trail.path.start < NEAR):
-            places = [here.compose(pose)[:2] for pose in members.values()]
-            self._lead_in, self._led_in = chain_to(leader.pose[:2], places), len(members)
-        self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
+        self._driven.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
-        if self._is_narrow:
-            command, way = self._drive_in_file(view, here, members, limits)
-        else:
-            command, way = self._drive(view, here, slot, target, limits)
+        if self.gap:
+            role, speed = self._find_role(view, self.leader), min(HEAD_SPEED, limits.linear)
+            if len(role.before) > self._before:
+                # Its way to the head leads over the places of those between.
+                self._trail.forget()
+            self._before = len(role.before)
+            return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
+        command, way = self._drive(view, here, slot, target, limits)
         command = self._escape.free(view, command, way)
         if self._escape.is_moving:
             self.reason = "boxed in: leaves its way to its slot"
@@ -417,8 +388,8 @@ class Formation(Behavior):
     def _drive(
         self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits
     ) -> tuple[Twist, list[Point2]]:
-        """The velocity, and the way along which it leads in the base frame; none where the robot is in its slot."""
-        trail, at = self._trail, here.inverse().compose(target)
+        """The velocity, and the place in the base frame to which it leads; none where the robot is in its slot."""
+        trail, at = self._driven, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
         away = self._make_way(view, here)
         if away is not None:
@@ -434,74 +405,11 @@ class Formation(Behavior):
         if distance < NEAR:
             return hold(at, speed, trail.speed * bend, limits), [at[:2]]
         goal = find_goal(view, here, at, speed, trail, place)
-        return self._around.drive_to(view, goal.x, goal.y, limits), self._way_to(here, slot, target)
-
-    def _drive_in_file(
-        self, view: View, here: Pose2, members: Mapping[int, Pose2], limits: SpeedLimits
-    ) -> tuple[Twist, list[Point2]]:
-        """As `_drive`, in a corridor: one behind the other along the way out, off from a leader that comes back."""
-        for pose in members.values():
-            self._lengthen(here.compose(pose)[:2])
-        leader, way = self._trail.leader, find_way_out(self._trail, self._lead_in)
-        if self._boxed_in.look(view.now, leader):
-            self._boxed_until = view.now + BOXED_FOR
-        place = way.project(here.x, here.y)
-        rank = sum(way.project(*here.compose(pose)[:2]) < place for pose in members.values())
-        x, y = leader.locate(*way.point(COMES))
-        backs = view.now < self._boxed_until or x > abs(y)
-        error = self.params.spacing * (rank + 1) + (ROOM_BACK if backs else 0.0) - place
-        sign, needed = math.copysign(1.0, error), error
-        error = min(error, way.end - place)
-        target = here.locate(*way.point(place + sign * min(LOOK_AHEAD, abs(error))))
-        # In a corridor robots do not pass each other: it stops behind the next one.
-        bearing = math.atan2(target[1], target[0])
-        before = [(mate.along(bearing)[0], mate.robot_id) for mate in view.teammates if is_before(mate, bearing)]
-        apart, next_one = min(before, default=(math.inf, self.leader))
-        error = sign * min(abs(error), max(0.0, apart - APART * self.params.spacing))
-        if abs(error) > PARKED or abs(needed) < LEFT:
-            self._got_on = view.now
-        status = (view.inputs.get("statuses") or {}).get(next_one)
-        faces = status is not None and status.waits_for == view.robot_id
-        is_blocked = view.now - self._got_on > BLOCKED_FOR and (needed > 0.0 or faces)
-        if is_blocked or (needed > LEFT and place > way.end - LEFT):
-            # It is the first there, or stands behind one that does not get on: it looks for another way.
-            self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
-            if view.now > self._aims_until or math.dist(here[:2], self._aim) < NEAR:
-                heading = draw_heading(view)
-                self._aim = here.compose(Pose2(STEP * math.cos(heading), STEP * math.sin(heading), 0.0))[:2]
-                self._aims_until = view.now + AIMS_FOR
-            return drive_at(here.locate(*self._aim), STRAY, limits), [here.locate(*self._aim)]
-        self._aims_until = 0
-        self._is_parked = abs(error) < (LEFT if self._is_parked else PARKED)
-        if self._is_parked:
-            is_there = abs(needed) < LEFT or not before
-            self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
-            if not is_there:
-                self.reason = waits_for(next_one, "is in its way")
-            return Twist(), []
-        command = drive_at(target, abs(self._trail.speed) + abs(error), limits)
-        ahead = np.arange(place, place + error, sign * ALONG)[1:10]
-        return command, [here.locate(*way.point(at)) for at in (*ahead, place + error)]
-
-    def _lengthen(self, place: Point2) -> None:
-        """The way to where the trail begins, by that of a robot which is the first there."""
-        at, off = self._lead_in.near(place)
-        if at <= 0.0 and LEFT < off < JOINS * self.params.spacing:
-            points = [self._lead_in.point(at) for at in np.arange(0.0, self._lead_in.end, LEFT)]
-            self._lead_in = Polyline([place, *points, self._lead_in.last])
-
-    def _way_to(self, here: Pose2, slot: Slot, target: Pose2) -> list[Point2]:
-        """Along the trail to its slot, in the own base frame."""
-        lead_in, path, last = self._lead_in, self._trail.path, self._trail.place - slot.back
-        places = [lead_in.point(place) for place in np.arange(lead_in.start, lead_in.end, ALONG)]
-        places += [path.point(place) for place in np.arange(path.start, last, ALONG)]
-        return [here.locate(*place) for place in (*places, target[:2]) if math.dist(place, here[:2]) < AROUND] or [
-            here.locate(*target[:2])
-        ]
+        return self._around.drive_to(view, goal.x, goal.y, limits), [goal[:2]]
 
     def _make_way(self, view: View, here: Pose2) -> Point2 | None:
         """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
-        leader = self._trail.leader
+        leader = self._driven.leader
         is_boxed = self._boxed_in.look(view.now, leader)
         x, y, yaw = leader.inverse().compose(here)
         apart, at = math.hypot(x, y), here.inverse().compose(leader)
@@ -516,20 +424,24 @@ class Formation(Behavior):
         return STEP * math.cos(away), STEP * math.sin(away)
 
     def why_it_rests(self) -> str:
-        return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
+        if not self.params.max_linear:
+            return "its parameter max_linear is 0"
+        return super().why_it_rests() if self.gap else "in its slot"
 
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        in_file = {robot: status.leader for robot, status in statuses.items() if status.gap > 0.0}
         told = self.params.team or [
             robot
             for robot, status in statuses.items()
-            if status.behavior == "formation" and status.leader == self.leader
+            if status.behavior == "formation"
+            and self._leads in chain_from(robot, {**in_file, view.robot_id: self.leader, robot: status.leader})
         ]
         found = {
             robot: pose
             for robot, pose, age, _base in view.teammates
-            if robot in told and robot != self.leader and (robot in view.team or not view.team) and age < STALE_AFTER
+            if robot in told and robot != self._leads and (robot in view.team or not view.team) and age < STALE_AFTER
         }
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
@@ -546,13 +458,13 @@ class Formation(Behavior):
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, slots)
-            self._is_narrow = self._find_narrow(view, here)
+            self._keep_file(view, here, members)
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
     def _apart(self, slot: Slot) -> tuple[Slot, Pose2]:
         """The slot and its pose in map; further back where the leader has come back to it: it needs room to turn."""
-        trail, place = self._trail, self._place(slot)
+        trail, place = self._driven, self._place(slot)
         least = APART * self.params.spacing
         while math.dist(place[:2], trail.leader[:2]) < least and trail.place - slot.back > trail.path.start:
             slot = Slot(slot.back + least, slot.lateral)
@@ -566,7 +478,7 @@ class Formation(Behavior):
         left, right = max(laterals), -min(laterals)
         if not left and not right:
             return 0.0
-        trail = self._trail
+        trail = self._driven
         places = trail.place, trail.place - own.back
         needed = max(share_for_bend(trail.curvature(place), left, right) for place in places)
         if view.scan is None:
@@ -576,19 +488,40 @@ class Formation(Behavior):
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, poses, mates, left, right, view.base.half_width))
 
-    def _find_narrow(self, view: View, here: Pose2) -> bool:
-        """Whether walls are near on both sides of the robot, or just were: it does not see all of them always."""
-        if view.scan is not None:
-            path = self._trail.path
-            pose = Pose2(0.0, 0.0, path.at(path.project(here.x, here.y)).yaw - here.yaw)
-            mates, reach = [(mate.pose.x, mate.pose.y) for mate in view.teammates], self.params.spacing
-            left, right = (
-                share_for_room(view.scan, [pose], mates, reach - right, right, view.base.half_width)
-                for right in (0.0, reach)
-            )
-            if left + right > NARROW and min(left, right) > 0.0:
-                self._narrow_until = view.now + NARROW_FOR
-        return view.now < self._narrow_until
+    def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> None:
+        """Be in a file from where walls are on both sides on, until no robot is where they are."""
+        places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
+        if self._is_between_walls(view, here) and all(math.dist(here[:2], at) > SAME for at in self._narrow):
+            self._narrow = [*self._narrow[-MOST_PLACES:], here[:2]]
+        around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
+        if not any(math.dist(place, at) < SAME for place in around for at in self._narrow):
+            self._leave_file()
+            return
+        ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
+        ahead[view.robot_id] = self.leader
+        chain = chain_from(view.robot_id, ahead)
+        is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
+        if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads):
+            file = file_behind(self._driven.leader[:2], places)
+            rank = file.index(view.robot_id)
+            self.leader = file[rank - 1] if rank else self._leads
+            self._line = self._line if self.gap else Line()
+            self.gap = self.params.spacing
+
+    def _leave_file(self) -> None:
+        self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
+
+    def _is_between_walls(self, view: View, here: Pose2) -> bool:
+        """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
+        path = self._driven.path
+        yaw = 0.0 if self.gap else path.at(path.project(here.x, here.y)).yaw - here.yaw
+        places, mates = [Pose2(0.0, 0.0, yaw)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        shares = [
+            share_for_room(view.scan, places, mates, SIDE - right, right, view.base.half_width, BEHIND)
+            for right in (0.0, SIDE)
+            if view.scan is not None
+        ]
+        return sum(shares) > NARROW and min(shares) > 0.0
 
     def _place(self, slot: Slot) -> Pose2:
-        return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
+        return self._driven.at(self._driven.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))

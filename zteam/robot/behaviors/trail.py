@@ -383,6 +383,12 @@ def find_silent(view: View, role: LineRole) -> int | None:
     return None
 
 
+HEAD_SPEED, HEAD_TURN_RATE = 0.4, 1.0
+"""m/s and rad/s of a robot to which the head has handed over."""
+STALE_AFTER = 0.5
+"""Seconds: older poses of the robot that it follows do not count."""
+
+
 class LineMember(Behavior):
     """A robot that may be in a line."""
 
@@ -434,6 +440,18 @@ class LineMember(Behavior):
         # What it does as the other one does not count: to lead, or to follow.
         (self._trail if role.ahead is None else self._head).rest()
         return own
+
+    def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
+        """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
+        self.follows, own = role.ahead, self._locate(view, role)
+        if own is None:
+            return Twist()
+        if role.ahead is None:
+            return self._lead(view, own, role, speed, turn_rate)
+        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
+            self._line.turn_on()
+        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, limits)
+        return command
 
     def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
         """Remember where the robot was that led the line, if that has turned: there may be no way on."""

@@ -101,12 +101,8 @@ ROOMY = 3.0
 """Metres; more room counts no more."""
 STUCK_AFTER = 1.0
 """Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
-WAITS = 4.0
-"""Seconds for which it waits until a robot of its formation is out of its way."""
 MOVED = 0.02
 """Metres of odometry that are a move."""
-STALE_AFTER = 0.5
-"""Seconds: older poses of the robot that it follows do not count."""
 LIMITS = SpeedLimits(0.7, math.pi)
 """As the last of a line whose other end leads."""
 SIDE_MARGIN = 0.015
@@ -153,8 +149,6 @@ class Wander(LineMember):
         """Seconds for which it has not moved, though it wants to drive."""
         self._place = math.nan, math.nan
         """In odometry, where it has moved last."""
-        self._waited = 0.0
-        """Seconds for which it has stood before one of its formation since it drove."""
         self._escape = Escape()
 
     def on_release(self) -> None:
@@ -174,17 +168,11 @@ class Wander(LineMember):
         role = self._find_role(view, None)
         # Alone it drives by its laser, and needs no transforms.
         self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
-        self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
             super().on_release()
+            self._line.turns, self.follows = 0, None
             return self._step_alone(view, view.scan)
-        own = self._locate(view, role)
-        if own is None:
-            return Twist()
-        if role.ahead is None:
-            return self._lead(view, own, role, self.params.speed, self.params.turn_rate)
-        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
-        return command
+        return self._drive_in_line(view, role, LIMITS, self.params.speed, self.params.turn_rate)
 
     def why_it_rests(self) -> str:
         return super().why_it_rests() if self.params.speed or self.follows is not None else "its parameter speed is 0"
@@ -201,12 +189,8 @@ class Wander(LineMember):
         if self._stuck > STUCK_AFTER and self.params.speed > 0.0:
             self._start_turn(view, -1.0 if mate is None else mate)
             self._wanted = max(self._wanted, LEAST_TURN)
-        elif mate is not None and not self._side and self._waited < WAITS and self._leads(view):
-            self._waited += view.dt
-            self.reason = "waits until its formation makes way"
-            return Twist()
         elif cone and mate is None and self._may_drive(cone, scan, view.base.radius + SIDE_MARGIN):
-            self._driven, self._waited = 0.0 if self._side else self._driven, 0.0
+            self._driven = 0.0 if self._side else self._driven
             self._side = 0.0
             return Twist(linear=Vector3(x=self.params.speed))
         if not self._side:
@@ -221,11 +205,6 @@ class Wander(LineMember):
             if 0.0 < x < room + self._reach and abs(y) < room:
                 found = math.atan2(y, x)
         return found
-
-    def _leads(self, view: View) -> bool:
-        """Whether a formation is behind it."""
-        statuses = view.inputs.get("statuses") or {}
-        return any(status.leader == view.robot_id for status in statuses.values())
 
     def _watch_for_stuck(self, view: View) -> None:
         if view.odom is None:

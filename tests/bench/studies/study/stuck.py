@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -136,47 +136,45 @@ def find_stuck(
 
     `followed` and `waits`: by tick, which robot each one follows, and for which one it waits (-1 for none).
     """
+    anchors = {metres: find_anchors(poses, metres) for metres in (STAYS, HEAD_STAYS)}
     found: list[Stand] = []
-    robots, every = poses.shape[1], round(_EVERY / tick)
+    robots, every = range(poses.shape[1]), round(_EVERY / tick)
     since: dict[int, float] = {}
     for end in range(every, len(poses), every):
-        staying = {robot for robot in range(robots) if _stays(poses[: end + 1, robot], STAYS, round(STAYS_FOR / tick))}
-        heads = {
-            robot
-            for robot in range(robots)
-            if is_line
-            and followed[end].get(robot, -1) < 0
-            and _stays(poses[: end + 1, robot], HEAD_STAYS, round(HEAD_STAYS_FOR / tick))
-        }
+        begins = {}
+        for robot in robots:
+            is_head = is_line and followed[end].get(robot, -1) < 0
+            for metres, seconds in ((STAYS, STAYS_FOR), *([(HEAD_STAYS, HEAD_STAYS_FOR)] if is_head else [])):
+                begin = anchors[metres][end, robot]
+                if (end - begin) * tick >= seconds:
+                    begins[robot] = min(begin, begins.get(robot, begin))
         stuck = {
             robot
-            for robot in staying | heads
-            if not _waits_for_one_that_moves(robot, waits[end], staying | heads)
-            and floor.has_way(
-                poses[end, robot],
-                np.delete(poses[end], robot, axis=0),
-                poses[end - round((STAYS_FOR if robot in staying else HEAD_STAYS_FOR) / tick), robot],
-            )
+            for robot, begin in begins.items()
+            if not _waits_for_one_that_moves(robot, waits[end], begins.keys())
+            and floor.has_way(poses[end, robot], np.delete(poses[end], robot, axis=0), poses[begin, robot])
         }
-        for robot in sorted(set(since) - stuck):
+        for robot in sorted(since.keys() - stuck):
             begin = since.pop(robot)
             found.append(Stand(robot, round(begin, 1), round(end * tick - begin, 1)))
-        for robot in stuck - set(since):
-            since[robot] = end * tick - (STAYS_FOR if robot in staying else HEAD_STAYS_FOR)
+        for robot in stuck - since.keys():
+            since[robot] = begins[robot] * tick
     return found + [
         Stand(robot, round(begin, 1), round(len(poses) * tick - begin, 1)) for robot, begin in sorted(since.items())
     ]
 
 
-def _stays(track: NDArray[np.float64], metres: float, ticks: int) -> bool:
-    """Whether a robot has not come so far from where it was so many ticks ago."""
-    if len(track) <= ticks:
-        return False
-    recent = track[-ticks - 1 :, :2]
-    return bool((np.hypot(*(recent - recent[0]).T) <= metres).all())
+def find_anchors(places: NDArray[np.float64], metres: float) -> NDArray[np.intp]:
+    """(ticks, robots): the tick since which a robot has not come so far from where it was then."""
+    found, places = np.zeros(places.shape[:2], np.intp), places[..., :2]
+    robots = np.arange(places.shape[1])
+    for tick in range(1, len(places)):
+        away = np.hypot(*(places[tick] - places[found[tick - 1], robots]).T)
+        found[tick] = np.where(away > metres, tick, found[tick - 1])
+    return found
 
 
-def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: set[int]) -> bool:
+def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: Collection[int]) -> bool:
     """Whether it stands because it was told to: the robot for which it waits, or that waits itself, gets on."""
     seen = {robot}
     other = waits.get(robot, -1)

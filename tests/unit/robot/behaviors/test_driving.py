@@ -10,7 +10,7 @@ from support.world_texts import box_points
 from zteam import testing
 from zteam.behaviors import View, load_behavior
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, RobotStatus, Twist
+from zteam.messages import LaserScan, RobotStatus
 from zteam.messages.base import Base
 
 FREE = [30.0] * 271
@@ -84,20 +84,6 @@ def test_wander_turns_for_a_teammate_that_it_does_not_see(mate: tuple[float, flo
     """The scan is free, but transforms tell of a robot in the way, or so near to it that neither could turn there."""
     view = testing.make_view(FREE, fov=4.7, poses={0: (2.0, 1.0, 0.0), 1: (2.0 + mate[0], 1.0 + mate[1], 2.0)})
     assert (load_behavior("wander", {}).step(view).linear.x > 0.0) is drives
-
-
-@pytest.mark.parametrize(("leader", "waits"), [(0, 4.0), (-1, 0.0)])
-def test_wander_waits_for_its_formation_to_make_way(leader: int, waits: float) -> None:
-    """It stands for 4 s before a robot that follows it, and turns at once before another one."""
-    statuses = {1: RobotStatus(behavior="formation", leader=leader)}
-    wander, stood = load_behavior("wander", {}), 0
-    for tick in range(1, 100):
-        poses = {0: (2.0, 1.0, 0.0), 1: (2.9, 1.0, 2.0)}
-        view = testing.make_view(FREE, fov=4.7, poses=poses, now=0.1 * tick, inputs={"statuses": statuses})
-        if wander.step(view) != Twist():
-            break
-        stood += 1
-    assert 0.1 * stood == pytest.approx(waits, abs=0.2)
 
 
 def test_wander_turns_where_it_is_stopped() -> None:
