@@ -44,7 +44,7 @@ ARGUMENTS: dict[str, tuple[Any, str]] = {
     "robots": (list[int], "a list of robot ids"),
     "run_team.arguments": (dict[str, Any], "a dict by name"),
     "run_team.chaos": (str, "the file of a plan of faults"),
-    "run_team.nodes": (dict[str, Callable], "a dict by name of functions 'def main(node): …'"),
+    "run_team.nodes": (dict[str, Callable[..., Any]], "a dict by name of functions 'def main(node): …'"),
     "secure": (str, "a folder for certificates"),
     "seconds": _WITHIN,
     "seed": _number(*SEEDS),

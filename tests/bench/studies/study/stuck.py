@@ -141,11 +141,11 @@ def find_stuck(
     robots, every = range(poses.shape[1]), round(_EVERY / tick)
     since: dict[int, float] = {}
     for end in range(every, len(poses), every):
-        begins = {}
+        begins: dict[int, int] = {}
         for robot in robots:
             is_head = is_line and followed[end].get(robot, -1) < 0
             for metres, seconds in ((STAYS, STAYS_FOR), *([(HEAD_STAYS, HEAD_STAYS_FOR)] if is_head else [])):
-                begin = anchors[metres][end, robot]
+                begin = int(anchors[metres][end, robot])
                 if (end - begin) * tick >= seconds:
                     begins[robot] = min(begin, begins.get(robot, begin))
         stuck = {
@@ -155,8 +155,8 @@ def find_stuck(
             and floor.has_way(poses[end, robot], np.delete(poses[end], robot, axis=0), poses[begin, robot])
         }
         for robot in sorted(since.keys() - stuck):
-            begin = since.pop(robot)
-            found.append(Stand(robot, round(begin, 1), round(end * tick - begin, 1)))
+            from_on = since.pop(robot)
+            found.append(Stand(robot, round(from_on, 1), round(end * tick - from_on, 1)))
         for robot in stuck - since.keys():
             since[robot] = begins[robot] * tick
     return found + [
