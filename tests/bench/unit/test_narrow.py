@@ -79,7 +79,7 @@ def test_a_way_out_has_room_for_the_robot(
     floor: Floor, pose: tuple[float, float, float], others: list[tuple[float, float, float]], leads: bool
 ) -> None:
     """In a corridor with a dead end, past other robots or not."""
-    assert floor.has_way(np.array(pose), np.array(others).reshape(-1, 3)) is leads
+    assert floor.has_way(np.array(pose), np.array(others).reshape(-1, 3), np.array(pose)) is leads
 
 
 def stuck(floor: Floor, *tracks: list[float], waits: dict[int, int] | None = None, line: bool = True) -> list[Stand]:

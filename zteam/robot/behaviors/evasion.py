@@ -9,8 +9,9 @@ from collections.abc import Sequence, Set
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, curvature_to, normalize_angle, yaw_from_quaternion
+from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.robot.view import View, is_clear, is_seen, look_along
@@ -80,59 +81,6 @@ class Around:
         return True
 
 
-TURNS_WITHIN = to_ns(1.0)
-"""Nanoseconds without turning after which it moves."""
-HAS_TURNED = 0.05
-"""Radians that count as turning."""
-AGAIN = to_ns(0.5)
-"""Nanoseconds without being asked after which what it wanted before does not count."""
-SPEED, FOR = 0.2, to_ns(1.0)
-"""m/s at which it moves, and nanoseconds for which it does."""
-HAS_MOVED, TRIED = 0.02, to_ns(0.4)
-"""Metres that it has to come in so many nanoseconds; else it moves the other way."""
-
-
-class Escape:
-    """Back first, then forward, and so on, until it turns again; the safety layer lets it move where there is room."""
-
-    def __init__(self) -> None:
-        self._yaw = 0.0
-        self._since = 0
-        """Nanoseconds: since when it has not turned by HAS_TURNED from `_yaw` though it wants to."""
-        self._way = 1.0
-        """-1 while it moves back."""
-        self._from, self._due = (0.0, 0.0), 0
-        """Where it began to move, and when it has to have come away from there (ns)."""
-        self._until = self._asked = 0
-
-    def rest(self) -> None:
-        """That it has not turned until now does not count."""
-        self._until = self._asked = 0
-
-    def free(self, view: View, command: Twist) -> Twist:
-        """The velocity instead of `command`; odometry says whether the robot turns and moves."""
-        if view.odom is None:
-            return command
-        pose, now = view.odom.pose.pose, view.now
-        at, facing = (pose.position.x, pose.position.y), pose.orientation
-        is_new, self._asked = now - self._asked > AGAIN, now
-        if now < self._until:
-            if now >= self._due and math.dist(at, self._from) < HAS_MOVED:
-                self._move(now, at)
-            return Twist(Vector3(self._way * SPEED))
-        yaw = yaw_from_quaternion(facing.x, facing.y, facing.z, facing.w)
-        wants = command.linear.x == 0.0 and command.angular.z != 0.0
-        if is_new or not wants or abs(normalize_angle(yaw - self._yaw)) > HAS_TURNED:
-            self._yaw, self._since = yaw, now
-        elif now - self._since > TURNS_WITHIN:
-            self._move(now, at)
-            self._since = self._until = now + FOR
-        return command
-
-    def _move(self, now: int, at: tuple[float, float]) -> None:
-        self._way, self._from, self._due = -self._way, at, now + TRIED
-
-
 FREE = 1.0
 """Metres ahead that have to be free for it to drive straight on."""
 ROOMY, MOST_ROOM = 1.3, 5.0
@@ -154,6 +102,10 @@ TURN_GAIN = 2.0
 """1/s."""
 GIVES_UP, PROGRESS = to_ns(6.0), 0.4
 """It hands over if it has not come so many metres in so many nanoseconds."""
+BEEN, TWICE, LEFT = 0.6, 2, 5
+"""It hands over where it has left a place within so many metres so often; that many more places are remembered."""
+BEFORE_END = 0.8
+"""Metres before a dead end at which it looks for another way: there is one that it has not seen in time else."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 
@@ -170,53 +122,75 @@ class Head:
         """Where it got on last, and when."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
         self._escape = Escape()
+        self._left: list[Point2] = []
+        """The last places in map from which it looked for a way to leave them."""
 
     def rest(self) -> None:
         """It does not lead, or stands for a reason."""
         self._since = None
 
-    def step(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> tuple[Twist | None, str]:
-        """The velocity, and why it is zero; None where it is to hand over."""
+    def step(
+        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, ends: Sequence[Point2] = ()
+    ) -> tuple[Twist | None, str]:
+        """The velocity, and why it is zero; None where it is to hand over. Of several ways it takes one that does not
+        lead to a dead end: where its line has turned, at these places in map."""
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
         if self._since is None:
             self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
+            self._escape.rest()
+            self._left = []
+        share, reason = keep_together(view, role)
+        # One that waits for its line, or looks for a way, has twice the time.
+        is_patient = share == 0.0 or self._escape.is_moving
         if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
             self._anchor = own, view.now
-        elif view.now - self._anchor[1] > GIVES_UP:
+        elif view.now - self._anchor[1] > (2 if is_patient else 1) * GIVES_UP:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
         ahead = self._room(view, scan, 0.0)
-        if self._heading is None and self._wants_another(view, own, ahead):
+        if share == 0.0 and ahead < FREE:
+            # It finds no way while its line is not there.
+            self._escape.rest()
+            return Twist(), reason
+        if self._escape.is_moving:
+            return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
+        shunned = [own.locate(*end) for end in ends]
+        if self._heading is None and self._wants_another(view, own, ahead, _room_before(shunned, 0.0)):
             self._drawn_at = own
-            turn = self._draw(view, scan)
-            if turn is None:
+            turn = self._draw(view, scan, shunned)
+            if turn is None and (ahead < FREE or _room_before(shunned, 0.0) < FREE):
+                been = sum(math.dist(own[:2], at) < BEEN for at in self._left)
+                if been < TWICE and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
+                    self._left = [*self._left[-LEFT:], own[:2]]
+                    return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if ahead < FREE and view.now - self._since > FIRST:
                     return None, ""
                 turn = math.pi if ahead < FREE else 0.0
-            self._heading = normalize_angle(own.yaw + turn)
-        share, reason = keep_together(view, role)
+            self._heading = normalize_angle(own.yaw + (turn or 0.0))
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
         if abs(error) > ON_THE_SPOT or ahead < NARROW:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _wants_another(self, view: View, own: Pose2, ahead: float) -> bool:
+    def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float) -> bool:
         if ahead < FREE:
             return True
         if math.dist(own[:2], self._drawn_at[:2]) < EVERY:
             return False
         self._drawn_at = own
-        return view.random(0) < CHANCE
+        return unknown < FREE or view.random(0) < CHANCE
 
-    def _draw(self, view: View, scan: LaserScan) -> float | None:
+    def _draw(self, view: View, scan: LaserScan, shunned: Sequence[Point2]) -> float | None:
         """Of the headings with enough room one (rad), the likelier the more room and the less to the side."""
         best, most = None, 0.0
         for draw, heading in enumerate(HEADINGS, 1):
-            room = self._room(view, scan, heading) if is_seen(scan, heading) else 0.0
+            room = (
+                min(self._room(view, scan, heading), _room_before(shunned, heading)) if is_seen(scan, heading) else 0.0
+            )
             weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
             if room > ROOMY and weight > most:
                 best, most = heading, weight
@@ -230,6 +204,16 @@ class Head:
             if along > 0.0 and abs(across) < MATE:
                 room = min(room, along)
         return room
+
+
+def _room_before(places: Sequence[Point2], heading: float) -> float:
+    """Metres towards a heading (rad) before it comes near one of these places of the base frame."""
+    room = math.inf
+    for x, y in places:
+        along, across = math.cos(heading) * x + math.sin(heading) * y, math.cos(heading) * y - math.sin(heading) * x
+        if along > 0.0 and abs(across) < MATE:
+            room = min(room, along - BEFORE_END)
+    return room
 
 
 NEAR, MET = 0.58, 1.0
@@ -246,14 +230,8 @@ FACING, FACED = 1.2, 2.0
 """Metres from the head within which a robot begins to stand face to face with it, and beyond which it does no more."""
 FACED_FOR = to_ns(4.0)
 """Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
-STUCK, STUCK_FOR = 0.2, to_ns(3.0)
-"""Metres, and nanoseconds: a robot that wants to drive on and has not come so far in so long leaves its way."""
-FRUITLESS = 2
-"""Turns of the line after which that holds for each robot: neither end gets on, so those between are in the way."""
-FREED = 0.5
-"""Metres from there after which it takes its trail again."""
-STRAY, STRAY_TURN = 0.4, 1.0
-"""m/s and rad/s while it is off its trail."""
+STRAY = 0.4
+"""m/s at which a robot drives off its way."""
 
 
 class BoxedIn:
@@ -271,45 +249,11 @@ class BoxedIn:
         return self._has_turned and now - self._since > PATIENCE
 
 
-class Stray:
-    """Takes a robot off its way that is stuck: there it drives as a head does."""
-
-    def __init__(self) -> None:
-        self._head = Head()
-        self._anchor = (0.0, 0.0), 0, 0
-        """Where it got on last, when (ns), and how often the line had turned then."""
-
-    def rest(self) -> None:
-        """It has not been stuck until now."""
-        self._anchor = (math.inf, math.inf), 0, self._anchor[2]
-
-    def step(self, view: View, own: Pose2, limits: SpeedLimits, *, wants: bool, turns: int = 0) -> Twist | None:
-        """The velocity of a robot at `own` in map; None to go its way.
-
-        `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
-        """
-        place, since, before = self._anchor
-        is_fruitless = turns - before >= FRUITLESS
-        is_stuck = is_fruitless or view.now - since > STUCK_FOR
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
-            self._anchor, is_stuck = (own[:2], view.now, turns), False
-        elif not (wants or is_fruitless):
-            self._anchor = own[:2], view.now, before
-        if is_stuck:
-            linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
-            command, _ = self._head.step(view, own, LineRole(), linear, angular)
-            if command is not None:
-                return command
-            self._anchor = own[:2], view.now, turns
-        self._head.rest()
-        return None
-
-
 class MakingRoom:
-    """What a robot does instead of following: it strays, goes round a head that faces it, or drives back."""
+    """What a robot does instead of following: it goes round a head that faces it, or drives back."""
 
     def __init__(self) -> None:
-        self._around, self._escape, self._stray = Around(), Escape(), Stray()
+        self._around, self._escape = Around(), Escape()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
         self._boxed_in = BoxedIn()
@@ -318,27 +262,23 @@ class MakingRoom:
 
     def rest(self) -> None:
         """What stands in its way does so from now on."""
-        self._stray.rest()
         self._escape.rest()
         self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(
         self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
-        *, keeps: bool, wants: bool, driven_on: float = 0.0,
+        *, keeps: bool, driven_on: float = 0.0,
     ) -> tuple[Twist | None, str]:  # fmt: skip
         """The velocity of a robot at `own` (map) with this `role` in the line, and what it does.
 
         An empty text means: follow. A text without a velocity means: back up.
 
         `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
-        the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`. `driven_on`: metres that
-        the robot ahead has driven away since its pose, which may be late.
+        the head keeps its place, as one that is driven by hand does. `driven_on`: metres that the robot ahead has
+        driven away since its pose, which may be late.
         """
         head = role.before[-1]
         self._asking, seen = self._find_asking(view, own, role.before, stopped, driven_on) if keeps else (None, {})
-        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=role.turns)
-        if command is not None:
-            return command, "is stuck: leaves its way"
         if not keeps:
             return None, ""
         command = self._go_round(view, seen.get(head), back, limits)

@@ -13,7 +13,7 @@ from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.behaviors.trail import LineMember, head_comes_round
+from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember, head_comes_round
 from zteam.robot.behaviors.wander import Avoid, Forward, Idle, Wander
 from zteam.robot.view import View
 
@@ -50,8 +50,6 @@ log = logging.getLogger("zteam")
 
 SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
 """What a robot can go on with that takes over: they need no parameters and no further inputs."""
-HEAD_SPEED, HEAD_TURN_RATE = 0.4, 1.0
-"""m/s and rad/s of a robot to which the head has handed over."""
 LEADER_ROOM = 0.3
 """Metres before the leader's base where its own body begins to be seen."""
 

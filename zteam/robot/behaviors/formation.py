@@ -2,25 +2,28 @@
 
 A slot lies so far back along the leader's trail, and so far to the left of it. So a formation goes round a bend as a
 train does, and does not swing outwards like a board. It is squeezed to a column where walls are near, and where it
-goes round a tight bend.
+goes round a tight bend. Between two walls its robots are a line, each behind the next one, until all are out: so they
+get out of a dead end, the last one first.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.geometry import Pose2, normalize_angle
-from zteam.messages import LaserScan, Message, Twist, Vector3
-from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn, Escape, Stray
-from zteam.robot.behaviors.line import STATUSES, see_robot
+from zteam.config.robot_ids import chain_from
+from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.behaviors.escape import Escape
+from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
+from zteam.robot.behaviors.line import Line, see_robot
 from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
+from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
 from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
@@ -123,12 +126,13 @@ def share_for_room(
     left: float,
     right: float,
     half_width: float,
+    ahead: float = AHEAD,
 ) -> float:
     """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
     beside = half_width + BESIDE_MARGIN
     # What is further to the side needs nothing.
     side = max(left, right) + beside
-    bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
+    bound = math.hypot(side, ahead) + max(math.hypot(place.x, place.y) for place in places)
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
@@ -139,7 +143,7 @@ def share_for_room(
     for x, y, yaw in places:
         dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
         along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        off = across[(along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)]
+        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
         for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
             if reach > 0.0 and offs.size:
                 needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
@@ -224,6 +228,10 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
+SIDE, NARROW = 0.8, 0.8
+"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+SAME, MOST_PLACES = 0.35, 200
+"""Metres about a place in a corridor in which a robot is there, and places that are remembered."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -234,6 +242,16 @@ MATE_REACH, MATE_MARGIN = 2.2, 0.1
 """Metres ahead up to which others are in the way to its slot, and metres that are left beside them."""
 STALE_AFTER = 1.0
 """Seconds; a member with an older pose is not seen any more."""
+
+
+def file_behind(leader: Point2, places: Mapping[int, Point2]) -> list[int]:
+    """The robots from the leader on, from each one the nearest of the others."""
+    order: list[int] = []
+    at, rest = leader, dict(places)
+    while rest:
+        order.append(min(rest, key=lambda robot: (math.dist(rest[robot], at), robot)))
+        at = rest.pop(order[-1])
+    return order
 
 
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
@@ -286,7 +304,7 @@ class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
     stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
 
 
-class Formation(Behavior):
+class Formation(LineMember):
     """Keep a slot of a formation behind a leader: line, column, wedge, diamond or circle.
 
     The slots lie along the leader's trail. All robots of the formation compute from the same poses which of them takes
@@ -296,82 +314,102 @@ class Formation(Behavior):
     Params = FormationParams
     params: FormationParams
     uses_tf = True
-    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
     def __init__(self, params: FormationParams) -> None:
         super().__init__(params)
+        self.steering = None
+        self._leads: int = params.leader
         self.leader: int = params.leader
+        """The robot that leads; and while this one is in a file, the one ahead of it there."""
         self._slots: dict[int, int] = {}
         """The number of each member's slot, by robot id."""
         self._assigned = -1
         """The period in which they were assigned."""
-        self._trail = LeaderTrail()
+        self._driven = LeaderTrail()
         self._squeezed = self._needed = 0.0
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
         self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
-        self._boxed_in, self._escape, self._stray = BoxedIn(), Escape(), Stray()
+        self._boxed_in, self._escape = BoxedIn(), Escape()
+        self._before = 0
+        """How many robots were before it in the file."""
+        self._narrow: list[Point2] = []
+        """Places in map where it was between two walls."""
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
-        if self.params.leader != self.leader:
-            self.leader = self.params.leader
-            self._trail.forget()
+        if self.params.leader != self._leads:
+            self._leads = self.params.leader
+            self._driven.forget()
+        self._leave_file()
         # Assign anew at the next look.
         self._slots = {}
 
     def on_release(self) -> None:
         """See Behavior: neither it nor its leader is boxed in because it stood."""
-        self._stray.rest()
+        super().on_release()
         self._escape.rest()
         self._boxed_in, self._makes_way = BoxedIn(), False
 
+    @property
+    def _may_turn(self) -> bool:
+        return self.gap > 0.0
+
     def missing(self, view: View) -> list[str]:
-        leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
-        return [] if leader else [f"the pose of its leader {names.robot_name(self.leader)}"]
+        leader, _ = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
+        return [] if leader else [f"the pose of its leader {names.robot_name(self._leads)}"]
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
         here = own_pose(view)
-        leader, self.reason = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
+        leader, self.reason = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
-            self._trail.forget()
+            self._driven.forget()
             self.on_release()
             return Twist()
         members = self._members(view)
-        self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
+        self._driven.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
-        command = self._drive(view, here, slot, target, limits)
-        stray = self._stray.step(view, here, limits, wants=command.linear.x != 0.0)
-        if stray is None:
-            return self._escape.free(view, command)
-        self.reason = "boxed in: leaves its way to its slot"
-        return stray
+        if self.gap:
+            role, speed = self._find_role(view, self.leader), min(HEAD_SPEED, limits.linear)
+            if len(role.before) > self._before:
+                # Its way to the head leads over the places of those between.
+                self._trail.forget()
+            self._before = len(role.before)
+            return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
+        command, way = self._drive(view, here, slot, target, limits)
+        command = self._escape.free(view, command, way)
+        if self._escape.is_moving:
+            self.reason = "boxed in: leaves its way to its slot"
+        return command
 
-    def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits) -> Twist:
-        trail, at = self._trail, here.inverse().compose(target)
+    def _drive(
+        self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits
+    ) -> tuple[Twist, list[Point2]]:
+        """The velocity, and the place in the base frame to which it leads; none where the robot is in its slot."""
+        trail, at = self._driven, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
-        command = self._make_way(view, here, limits)
-        if command is not None:
+        away = self._make_way(view, here)
+        if away is not None:
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
-            return command
+            return self._around_leader.drive_to(view, *away, limits), [away]
         self._is_parked = abs(trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
         if self._is_parked:
             self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
             turn = 0.0 if abs(at.yaw) < ALIGNED else limits.clamp_turn(TURN_GAIN * at.yaw)
-            return Twist(angular=Vector3(z=turn))
+            return Twist(angular=Vector3(z=turn)), []
         bend = trail.curvature(place)
         speed = trail.speed * (1.0 - bend * slot.lateral)
         if distance < NEAR:
-            return hold(at, speed, trail.speed * bend, limits)
+            return hold(at, speed, trail.speed * bend, limits), [at[:2]]
         goal = find_goal(view, here, at, speed, trail, place)
-        return self._around.drive_to(view, goal.x, goal.y, limits)
+        return self._around.drive_to(view, goal.x, goal.y, limits), [goal[:2]]
 
-    def _make_way(self, view: View, here: Pose2, limits: SpeedLimits) -> Twist | None:
+    def _make_way(self, view: View, here: Pose2) -> Point2 | None:
         """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
-        leader = self._trail.leader
+        leader = self._driven.leader
         is_boxed = self._boxed_in.look(view.now, leader)
         x, y, yaw = leader.inverse().compose(here)
         apart, at = math.hypot(x, y), here.inverse().compose(leader)
@@ -383,23 +421,27 @@ class Formation(Behavior):
         if not self._makes_way:
             return None
         away = (math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)) - yaw
-        return self._around_leader.drive_to(view, STEP * math.cos(away), STEP * math.sin(away), limits)
+        return STEP * math.cos(away), STEP * math.sin(away)
 
     def why_it_rests(self) -> str:
-        return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
+        if not self.params.max_linear:
+            return "its parameter max_linear is 0"
+        return super().why_it_rests() if self.gap else "in its slot"
 
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        in_file = {robot: status.leader for robot, status in statuses.items() if status.gap > 0.0}
         told = self.params.team or [
             robot
             for robot, status in statuses.items()
-            if status.behavior == "formation" and status.leader == self.leader
+            if status.behavior == "formation"
+            and self._leads in chain_from(robot, {**in_file, view.robot_id: self.leader, robot: status.leader})
         ]
         found = {
             robot: pose
             for robot, pose, age, _base in view.teammates
-            if robot in told and robot != self.leader and (robot in view.team or not view.team) and age < STALE_AFTER
+            if robot in told and robot != self._leads and (robot in view.team or not view.team) and age < STALE_AFTER
         }
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
@@ -416,12 +458,13 @@ class Formation(Behavior):
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, slots)
+            self._keep_file(view, here, members)
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
     def _apart(self, slot: Slot) -> tuple[Slot, Pose2]:
         """The slot and its pose in map; further back where the leader has come back to it: it needs room to turn."""
-        trail, place = self._trail, self._place(slot)
+        trail, place = self._driven, self._place(slot)
         least = APART * self.params.spacing
         while math.dist(place[:2], trail.leader[:2]) < least and trail.place - slot.back > trail.path.start:
             slot = Slot(slot.back + least, slot.lateral)
@@ -435,7 +478,7 @@ class Formation(Behavior):
         left, right = max(laterals), -min(laterals)
         if not left and not right:
             return 0.0
-        trail = self._trail
+        trail = self._driven
         places = trail.place, trail.place - own.back
         needed = max(share_for_bend(trail.curvature(place), left, right) for place in places)
         if view.scan is None:
@@ -445,5 +488,40 @@ class Formation(Behavior):
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, poses, mates, left, right, view.base.half_width))
 
+    def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> None:
+        """Be in a file from where walls are on both sides on, until no robot is where they are."""
+        places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
+        if self._is_between_walls(view, here) and all(math.dist(here[:2], at) > SAME for at in self._narrow):
+            self._narrow = [*self._narrow[-MOST_PLACES:], here[:2]]
+        around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
+        if not any(math.dist(place, at) < SAME for place in around for at in self._narrow):
+            self._leave_file()
+            return
+        ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
+        ahead[view.robot_id] = self.leader
+        chain = chain_from(view.robot_id, ahead)
+        is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
+        if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads):
+            file = file_behind(self._driven.leader[:2], places)
+            rank = file.index(view.robot_id)
+            self.leader = file[rank - 1] if rank else self._leads
+            self._line = self._line if self.gap else Line()
+            self.gap = self.params.spacing
+
+    def _leave_file(self) -> None:
+        self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
+
+    def _is_between_walls(self, view: View, here: Pose2) -> bool:
+        """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
+        path = self._driven.path
+        yaw = 0.0 if self.gap else path.at(path.project(here.x, here.y)).yaw - here.yaw
+        places, mates = [Pose2(0.0, 0.0, yaw)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        shares = [
+            share_for_room(view.scan, places, mates, SIDE - right, right, view.base.half_width, BEHIND)
+            for right in (0.0, SIDE)
+            if view.scan is not None
+        ]
+        return sum(shares) > NARROW and min(shares) > 0.0
+
     def _place(self, slot: Slot) -> Pose2:
-        return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
+        return self._driven.at(self._driven.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))

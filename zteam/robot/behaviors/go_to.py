@@ -11,7 +11,7 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 from zteam.messages.planar import goal_in_map
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.view import NO_POSE, View, first_clear, is_clear, is_seen, look_along, own_pose
 
 REACH = 0.6

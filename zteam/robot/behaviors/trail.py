@@ -11,7 +11,8 @@ from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import AGAIN, Around, Escape, Head, MakingRoom, back_up, find_stopped
+from zteam.robot.behaviors.escape import AGAIN, Escape
+from zteam.robot.behaviors.evasion import Around, Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,
@@ -118,6 +119,10 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
+STALE, REMEMBERED = 1.0, to_ns(90.0)
+"""Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
+LEAD, LEADS = 0.4, 6
+"""Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
 """m/s from which on it wants to get on also where it is less behind."""
 PARKED, LEFT = 0.03, 0.1
@@ -202,6 +207,10 @@ class Trail:
         self._making_room.rest()
         self._escape.rest()
 
+    def forget(self) -> None:
+        """The robot leads: when it follows again, it may be far from the trail that it has left."""
+        self._leads = None
+
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
         moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING
@@ -240,13 +249,12 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        wants = share > 0.0 and (is_late or speed > WANTED)
         command, does = self._making_room.step(
-            view, own, role, gap * len(before), limits, stopped, keeps=alone, wants=wants,
-            driven_on=self.ahead.driven_on,
+            view, own, role, gap * len(before), limits, stopped, keeps=alone, driven_on=self.ahead.driven_on,
         )  # fmt: skip
         if does:
-            return command or back_up(own, trail.path, self._place), does
+            behind = [own.locate(*trail.path.point(self._place - LEAD))]
+            return command or self._escape.free(view, back_up(own, trail.path, self._place), behind), does
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves:
@@ -254,7 +262,15 @@ class Trail:
             if there < self._place + PAST and off < BESIDE:
                 return Twist(), waits_for(before[0], "comes past")
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
-        return self._escape.free(view, command), ""
+        is_slow = view.odom is None or view.odom.twist.twist.linear.x < WANTED
+        way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else []
+        command = self._escape.free(view, command, way)
+        return command, "is stuck: leaves its way" if self._escape.is_moving else ""
+
+    def _way_ahead(self, own: Pose2) -> list[Point2]:
+        """Points of the trail ahead, in the own base frame."""
+        count = max(1, min(LEADS, int((self._trail.path.end - self._place) / LEAD)))
+        return [own.locate(*self._trail.path.point(self._place + LEAD * (i + 1))) for i in range(count)]
 
     def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
         """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
@@ -367,6 +383,12 @@ def find_silent(view: View, role: LineRole) -> int | None:
     return None
 
 
+HEAD_SPEED, HEAD_TURN_RATE = 0.4, 1.0
+"""m/s and rad/s of a robot to which the head has handed over."""
+STALE_AFTER = 0.5
+"""Seconds: older poses of the robot that it follows do not count."""
+
+
 class LineMember(Behavior):
     """A robot that may be in a line."""
 
@@ -378,6 +400,10 @@ class LineMember(Behavior):
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
+        self._led_by, self._turns_before = -1, 0
+        """Which robot led its line in the last step, and how often the line had turned."""
+        self._ends: dict[Point2, int] = {}
+        """Where in map its line has turned lately, and when (ns)."""
 
     @property
     def _may_turn(self) -> bool:
@@ -410,16 +436,43 @@ class LineMember(Behavior):
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
         self._trail.note(own)
+        self._note_end(view, own, role)
         # What it does as the other one does not count: to lead, or to follow.
         (self._trail if role.ahead is None else self._head).rest()
         return own
+
+    def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
+        """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
+        self.follows, own = role.ahead, self._locate(view, role)
+        if own is None:
+            return Twist()
+        if role.ahead is None:
+            return self._lead(view, own, role, speed, turn_rate)
+        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
+            self._line.turn_on()
+        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, limits)
+        return command
+
+    def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
+        """Remember where the robot was that led the line, if that has turned: there may be no way on."""
+        if role.turns != self._turns_before and self._led_by >= 0:
+            at = (
+                Seen(own, 0)
+                if self._led_by == view.robot_id
+                else see_robot(view, self._led_by, names.MAP_FRAME, STALE)[0]
+            )
+            self._ends = {end: since for end, since in self._ends.items() if view.now - since < REMEMBERED}
+            if at is not None:
+                self._ends[at.pose[:2]] = view.now
+        self._turns_before, self._led_by = role.turns, role.before[-1] if role.before else view.robot_id
 
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
-        command, self.reason = self._head.step(view, own, role, speed, turn_rate)
+        self._trail.forget()
+        command, self.reason = self._head.step(view, own, role, speed, turn_rate, list(self._ends))
         if command is not None:
             return command
         self._head.rest()

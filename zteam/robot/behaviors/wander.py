@@ -7,7 +7,7 @@ from msgspec import Meta, Struct
 
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import LineMember
 from zteam.robot.view import Cone, View, is_clear, is_seen, look_ahead, look_along
@@ -103,8 +103,6 @@ STUCK_AFTER = 1.0
 """Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
 MOVED = 0.02
 """Metres of odometry that are a move."""
-STALE_AFTER = 0.5
-"""Seconds: older poses of the robot that it follows do not count."""
 LIMITS = SpeedLimits(0.7, math.pi)
 """As the last of a line whose other end leads."""
 SIDE_MARGIN = 0.015
@@ -170,17 +168,11 @@ class Wander(LineMember):
         role = self._find_role(view, None)
         # Alone it drives by its laser, and needs no transforms.
         self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
-        self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
             super().on_release()
+            self._line.turns, self.follows = 0, None
             return self._step_alone(view, view.scan)
-        own = self._locate(view, role)
-        if own is None:
-            return Twist()
-        if role.ahead is None:
-            return self._lead(view, own, role, self.params.speed, self.params.turn_rate)
-        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
-        return command
+        return self._drive_in_line(view, role, LIMITS, self.params.speed, self.params.turn_rate)
 
     def why_it_rests(self) -> str:
         return super().why_it_rests() if self.params.speed or self.follows is not None else "its parameter speed is 0"

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ STAYS, STAYS_FOR = 0.5, 30.0
 HEAD_STAYS, HEAD_STAYS_FOR = 2.0, 60.0
 """The same of the robot that leads a line."""
 AWAY = 2.0
-"""Metres: there is a way out if it leads so far."""
+"""Metres: there is a way out if it leads so far from where the robot began to stay."""
 _EVERY = 5.0
 """Seconds between two looks."""
 _CELL, _HEADINGS = 0.05, 16
@@ -60,9 +60,10 @@ class Floor:
             ]
             self.cells.append(np.unique(np.round(np.concatenate(placed) / _CELL).astype(int), axis=0))
 
-    def has_way(self, pose: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-        """Whether a robot at `pose` (x, y, yaw) can drive to a place AWAY from it, while `others` (n, 3) stay."""
-        reach = math.ceil((AWAY + 0.5) / _CELL)
+    def has_way(self, pose: NDArray[np.float64], others: NDArray[np.float64], begin: NDArray[np.float64]) -> bool:
+        """Whether a robot at `pose` (x, y, yaw) can drive to a place AWAY from `begin`, while `others` (n, 3) stay."""
+        aside = np.round((begin[:2] - pose[:2]) / _CELL).astype(int).tolist()
+        reach = math.ceil((AWAY + 0.5) / _CELL) + max(map(abs, aside))
         at = np.floor((pose[:2] - self.low) / _CELL).astype(int)
         size = 2 * reach + 1
         columns, rows = (np.arange(size) + at[axis] - reach for axis in (0, 1))
@@ -92,17 +93,17 @@ class Floor:
         near = slice(reach - _LOOSE, reach + _LOOSE + 1)
         for turn in range(-_LOOSE, _LOOSE + 1):
             blocked[(first + turn) % _HEADINGS, near, near] = False
-        return _leads_away(blocked, (first, reach, reach))
+        return _leads_away(blocked, (first, reach, reach), (reach + aside[1], reach + aside[0]))
 
 
-def _leads_away(blocked: NDArray[np.bool_], start: tuple[int, int, int]) -> bool:
-    """Whether a state AWAY from the middle can be reached by turns on the spot and straight steps both ways."""
+def _leads_away(blocked: NDArray[np.bool_], start: tuple[int, int, int], begin: tuple[int, int]) -> bool:
+    """Whether a state AWAY from the cell `begin` can be reached by turns on the spot and straight steps both ways."""
     size, far = blocked.shape[1], (AWAY / _CELL) ** 2
-    middle, rows = start[1], blocked.tolist()
+    rows = blocked.tolist()
     seen, queue = {start}, deque([start])
     while queue:
         heading, row, column = queue.popleft()
-        if (row - middle) ** 2 + (column - middle) ** 2 >= far:
+        if (row - begin[0]) ** 2 + (column - begin[1]) ** 2 >= far:
             return True
         dx, dy = _STEPS[heading]
         for state in (
@@ -135,43 +136,45 @@ def find_stuck(
 
     `followed` and `waits`: by tick, which robot each one follows, and for which one it waits (-1 for none).
     """
+    anchors = {metres: find_anchors(poses, metres) for metres in (STAYS, HEAD_STAYS)}
     found: list[Stand] = []
-    robots, every = poses.shape[1], round(_EVERY / tick)
+    robots, every = range(poses.shape[1]), round(_EVERY / tick)
     since: dict[int, float] = {}
     for end in range(every, len(poses), every):
-        staying = {robot for robot in range(robots) if _stays(poses[: end + 1, robot], STAYS, round(STAYS_FOR / tick))}
-        heads = {
-            robot
-            for robot in range(robots)
-            if is_line
-            and followed[end].get(robot, -1) < 0
-            and _stays(poses[: end + 1, robot], HEAD_STAYS, round(HEAD_STAYS_FOR / tick))
-        }
+        begins: dict[int, int] = {}
+        for robot in robots:
+            is_head = is_line and followed[end].get(robot, -1) < 0
+            for metres, seconds in ((STAYS, STAYS_FOR), *([(HEAD_STAYS, HEAD_STAYS_FOR)] if is_head else [])):
+                begin = int(anchors[metres][end, robot])
+                if (end - begin) * tick >= seconds:
+                    begins[robot] = min(begin, begins.get(robot, begin))
         stuck = {
             robot
-            for robot in staying | heads
-            if not _waits_for_one_that_moves(robot, waits[end], staying | heads)
-            and floor.has_way(poses[end, robot], np.delete(poses[end], robot, axis=0))
+            for robot, begin in begins.items()
+            if not _waits_for_one_that_moves(robot, waits[end], begins.keys())
+            and floor.has_way(poses[end, robot], np.delete(poses[end], robot, axis=0), poses[begin, robot])
         }
-        for robot in sorted(set(since) - stuck):
-            begin = since.pop(robot)
-            found.append(Stand(robot, round(begin, 1), round(end * tick - begin, 1)))
-        for robot in stuck - set(since):
-            since[robot] = end * tick - (STAYS_FOR if robot in staying else HEAD_STAYS_FOR)
+        for robot in sorted(since.keys() - stuck):
+            from_on = since.pop(robot)
+            found.append(Stand(robot, round(from_on, 1), round(end * tick - from_on, 1)))
+        for robot in stuck - since.keys():
+            since[robot] = begins[robot] * tick
     return found + [
         Stand(robot, round(begin, 1), round(len(poses) * tick - begin, 1)) for robot, begin in sorted(since.items())
     ]
 
 
-def _stays(track: NDArray[np.float64], metres: float, ticks: int) -> bool:
-    """Whether a robot has not come so far from where it was so many ticks ago."""
-    if len(track) <= ticks:
-        return False
-    recent = track[-ticks - 1 :, :2]
-    return bool((np.hypot(*(recent - recent[0]).T) <= metres).all())
+def find_anchors(places: NDArray[np.float64], metres: float) -> NDArray[np.intp]:
+    """(ticks, robots): the tick since which a robot has not come so far from where it was then."""
+    found, places = np.zeros(places.shape[:2], np.intp), places[..., :2]
+    robots = np.arange(places.shape[1])
+    for tick in range(1, len(places)):
+        away = np.hypot(*(places[tick] - places[found[tick - 1], robots]).T)
+        found[tick] = np.where(away > metres, tick, found[tick - 1])
+    return found
 
 
-def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: set[int]) -> bool:
+def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: Collection[int]) -> bool:
     """Whether it stands because it was told to: the robot for which it waits, or that waits itself, gets on."""
     seen = {robot}
     other = waits.get(robot, -1)

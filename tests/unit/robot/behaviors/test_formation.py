@@ -1,15 +1,17 @@
 """Keeping a place in a formation."""
 
 import math
+from itertools import combinations
 from typing import get_args
 
 import pytest
 
-from support.flat_floor import drive
+from support.flat_floor import clearance, drive
+from support.team_floor import Commanded, TeamFloor
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.formation import Shape, assign, slots_of
+from zteam.robot.behaviors.formation import Shape, assign, file_behind, slots_of
 from zteam.testing import make_view
 
 FREE = [30.0] * 91
@@ -125,3 +127,35 @@ def test_without_its_leader_it_stands_and_says_why() -> None:
     seen = make_view(FREE, robot_id=1, poses={0: (3, 0, 0), 1: (0, 0, 0)})
     assert behavior.missing(seen) == []
     assert behavior.step(seen).linear.x > 0.0
+
+
+def test_the_robots_of_a_file_are_in_their_order_round_a_bend() -> None:
+    """Each is next to its neighbour, also where the last one is nearer to the leader than one between."""
+    places = {1: (0.7, 0.9), 2: (1.6, 0.9), 3: (0.8, 0.0), 4: (1.6, 0.0)}
+    assert file_behind((0.0, 0.0), places) == [3, 4, 2, 1]
+
+
+def in_corridor(leader: Behavior, seconds: float, seed: int = 1) -> TeamFloor:
+    """A wedge of four with its leader before the closed end of a corridor that leads into the open."""
+    team = [leader, *(load_behavior("formation", {"leader": 0}, robot) for robot in (1, 2, 3))]
+    walls = [(0.0, -0.5, 4.0, -0.5), (0.0, 0.5, 4.0, 0.5), (4.0, -0.5, 4.0, 0.5)]
+    floor = TeamFloor([(Pose2(3.4 - 0.8 * i, 0.0, 0.0), behavior) for i, behavior in enumerate(team)], walls, seed=seed)
+    for _ in range(round(10 * seconds)):
+        floor.tick()
+        assert all(math.dist(a[:2], b[:2]) > 0.4 for a, b in combinations(floor.poses, 2))
+        assert min(clearance(pose, walls) for pose in floor.poses) > 0.12
+    return floor
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_formation_gets_out_of_a_dead_end(seed: int) -> None:
+    """Its last robot leads it out as a line, and behind its leader it is a formation again."""
+    floor = in_corridor(load_behavior("wander", {}, 0), 60.0, seed)
+    assert all(pose.x < -0.5 or abs(pose.y) > 0.5 for pose in floor.poses)
+    assert [(behavior.leader, behavior.gap) for behavior in floor.team[1:]] == 3 * [(0, 0.0)]
+
+
+def test_a_formation_makes_room_for_a_leader_that_is_driven_out_of_a_dead_end() -> None:
+    """One behind the other they stand behind a leader that turns round, and go before it as it comes."""
+    floor = in_corridor(Commanded((0.0, 0.5, 63), (0.2, 0.0, 200)), 60.0)
+    assert floor.poses[0].x < 0.5

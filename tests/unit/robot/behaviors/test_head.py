@@ -1,16 +1,19 @@
 """head: the robot that leads looks before it turns, keeps its line together, and hands over where it is stuck."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import pytest
 
-from support.flat_floor import LASER, Segment, cast, make_odometry, make_scan, make_view
-from zteam.behaviors import View
+from support.flat_floor import LASER, Floor, Segment, cast, clearance, make_odometry, make_scan, make_view
+from zteam.behaviors import Behavior, View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
+from zteam.robot.behaviors.behavior import NoParams
 from zteam.robot.behaviors.evasion import Head
 from zteam.robot.behaviors.line import LineRole
+from zteam.robot.view import own_pose
 
 START = Pose2(0.0, 0.0, 0.0)
 SPEED = 0.4
@@ -23,7 +26,7 @@ def box(left: float, right: float, ahead: float, back: float) -> list[Segment]:
     return [(*corners[i - 1], *corners[i]) for i in range(4)]
 
 
-OPEN, SHUT = box(20.0, 20.0, 20.0, 20.0), box(1.2, 1.2, 0.6, 1.2)
+OPEN, SHUT = box(20.0, 20.0, 20.0, 20.0), box(0.7, 0.7, 0.6, 0.7)
 
 
 def look(
@@ -85,7 +88,7 @@ def test_a_new_head_has_three_seconds_to_find_a_heading(ticks: int, hands_over: 
     head = Head()
     for tick in range(ticks):
         lead(head, look(START, OPEN, 1.0 + 0.1 * tick))
-    command, _ = lead(head, look(START, SHUT, 1.0 + 0.1 * ticks))
+    command, _ = lead(head, look(START, SHUT, 1.0 + 0.1 * ticks, {1: (-0.6, 0.4), 2: (-0.6, -0.4)}))
     assert (command is None) is hands_over
 
 
@@ -96,3 +99,63 @@ def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
     assert command is not None
     assert command.linear.x == pytest.approx(SPEED * share)
     assert reason == ("" if share else "waits for robot_1 behind it")
+
+
+def test_it_stands_while_its_line_is_not_there() -> None:
+    """In front of a wall it looks for no way until the robot behind it has come; after 12 s it hands over."""
+    head = Head()
+    for tick in range(1, 121):
+        command, reason = lead(head, look(START, SHUT, 0.1 * tick, {1: (-2.5, 0.0)}), behind=1)
+        assert (command, reason) == (Twist(), "waits for robot_1 behind it")
+    assert lead(head, look(START, SHUT, 12.2, {1: (-2.5, 0.0)}), behind=1)[0] is None
+
+
+class Leader(Behavior):
+    """A head, which stands once it is to hand over."""
+
+    uses_tf = True
+
+    def __init__(self, ends: Sequence[tuple[float, float]] = ()) -> None:
+        super().__init__(NoParams())
+        self.head, self.ends, self.hands_over = Head(), ends, False
+
+    def step(self, view: View) -> Twist:
+        own = own_pose(view)
+        assert own is not None
+        command, _ = self.head.step(view, own, LineRole(may_turn=True), SPEED, 1.0, self.ends)
+        self.hands_over = self.hands_over or command is None
+        return command or Twist()
+
+
+@pytest.mark.parametrize("turned_away", [False, True])
+@pytest.mark.parametrize("side", [1, -1])
+def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_away: bool) -> None:
+    """0.95 m wide, with a bend each 1.15 m: nowhere is there 1.3 m of room straight on. It may look back at first."""
+    corners = [(0.0, 0.0), (2.1, 0.0), (2.1, 1.15), (3.25, 1.15), (3.25, 5.0)]
+    inner = [(0.0, 0.95), (1.15, 0.95), (1.15, 2.1), (2.3, 2.1), (2.3, 5.0)]
+    ends = [(corners[0], inner[0]), (corners[-1], inner[-1])]
+    pairs = [*pairwise(corners), *pairwise(inner), *ends]
+    walls = [(x0, side * y0, x1, side * y1) for (x0, y0), (x1, y1) in pairs]
+    floor, leader, track = Floor([Pose2(0.6, side * 0.475, 3.1 if turned_away else 0.0)], walls), Leader(), []
+    while len(track) < 600 and side * floor.poses[0].y < 2.6:
+        floor.step([leader])
+        track.append(floor.poses[0])
+    assert side * track[-1].y > 2.6
+    assert not leader.hands_over
+    assert min(clearance(pose, walls) for pose in track) > 0.12
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("known", [False, True])
+def test_of_two_ways_it_takes_the_one_that_is_no_dead_end(side: int, known: bool) -> None:
+    """Straight on its line has turned before. The way beside is too narrow to be looked at without a need."""
+    walls = [
+        (0.0, 0.0, 4.2, 0.0), (0.0, 0.0, 0.0, 0.95), (4.2, 0.0, 4.2, 1.75), (0.0, 0.95, 2.0, 0.95),
+        (2.95, 0.95, 4.2, 0.95), (2.0, 0.95, 2.0, 1.75), (2.0, 1.75, 4.2, 1.75),
+    ]  # fmt: skip
+    floor = Floor([Pose2(0.6, side * 0.475, 0.0)], [(x0, side * y0, x1, side * y1) for x0, y0, x1, y1 in walls])
+    leader, track = Leader([(3.8, side * 0.475)] if known else []), [floor.poses[0]]
+    while len(track) < 300 and track[-1].x < 3.1 and side * track[-1].y < 1.15:
+        floor.step([leader])
+        track.append(floor.poses[0])
+    assert (side * track[-1].y > 1.15) is known

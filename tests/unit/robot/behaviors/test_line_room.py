@@ -1,4 +1,4 @@
-"""When a robot drives back from those ahead, and when it leaves its trail and takes it again."""
+"""When a robot drives back from those ahead."""
 
 import math
 
@@ -7,7 +7,6 @@ import pytest
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.robot.behaviors.evasion import (
-    FRUITLESS,
     MakingRoom,
     back_up,
     find_stopped,
@@ -15,6 +14,7 @@ from zteam.robot.behaviors.evasion import (
 )
 from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.path import Polyline, SpeedLimits
+from zteam.robot.behaviors.trail import Trail
 from zteam.testing import make_view
 
 LIMITS = SpeedLimits(0.7, math.pi)
@@ -48,8 +48,6 @@ def step(
     *,
     head: Pose2 = AHEAD,
     blocked_by: int = -1,
-    wants: bool = True,
-    turns: int = 0,
     driven_on: float = 0.0,
 ) -> tuple[Twist, str] | None:
     """What robot 1 does at x on the x axis, in a large hall. Its head (in the own base frame) may be blocked by it."""
@@ -57,29 +55,32 @@ def step(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
-    own, place = Pose2(x, 0.0, 0.0), LineRole((0,), turns=turns)
-    command, does = room.step(
-        view, own, place, GAP, LIMITS, find_stopped(view), keeps=True, wants=wants, driven_on=driven_on
-    )
+    own, place = Pose2(x, 0.0, 0.0), LineRole((0,))
+    command, does = room.step(view, own, place, GAP, LIMITS, find_stopped(view), keeps=True, driven_on=driven_on)
     return (command or back_up(own, WAY, 5.0 + x), does) if does else None
-
-
-def test_a_robot_between_two_ends_that_get_on_no_more_leaves_its_trail() -> None:
-    """It waits in its place while the line turns once; after the second turn it goes, until it has moved 0.5 m."""
-    room = MakingRoom()
-    assert step(room, 1.0, wants=False) is None
-    assert step(room, 1.1, wants=False, turns=FRUITLESS - 1) is None
-    assert step(room, 1.2, wants=False, turns=FRUITLESS) == (Twist(Vector3(0.4)), "is stuck: leaves its way")
-    assert step(room, 1.3, 1.6, wants=False, turns=FRUITLESS) is None
-    assert step(room, 1.4, 1.6, wants=False, turns=FRUITLESS + 1) is None
 
 
 def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> None:
     """It begins when its head says that this robot stops it, and goes on while the head is within 1 m."""
     room, near, far = MakingRoom(), Pose2(0.7, 0.0, 0.0), Pose2(1.1, 0.0, 0.0)
-    assert step(room, 1.0, head=near, wants=False) is None
-    told = step(room, 1.1, head=near, blocked_by=1, wants=False)
+    assert step(room, 1.0, head=near) is None
+    told = step(room, 1.1, head=near, blocked_by=1)
     assert told == (Twist(Vector3(-0.2)), "makes room for robot_0")
-    assert step(room, 1.2, head=near, wants=False) == told
-    assert step(room, 1.3, head=far, wants=False) is None
-    assert step(room, 1.4, head=near, wants=False) is None
+    assert step(room, 1.2, head=near) == told
+    assert step(room, 1.3, head=far) is None
+    assert step(room, 1.4, head=near) is None
+
+
+def test_a_robot_that_has_led_does_not_go_back_to_the_trail_that_it_left() -> None:
+    """It was led away from that trail, a wall may be between: its new one begins where it is."""
+    trail, role = Trail(), LineRole((0,), may_turn=True)
+
+    def follow(seconds: float, own: Pose2) -> Twist:
+        view = make_view([5.0] * 180, now=seconds, poses={0: Pose2(2.0, 2.0, 0.0), 1: own}, robot_id=1)
+        return trail.step(view, own, role, GAP, math.inf, LIMITS)[0]
+
+    follow(1.0, Pose2(0.0, 0.0, 0.0))
+    trail.forget()
+    command = follow(1.1, Pose2(2.0, 0.0, 0.5 * math.pi))
+    assert command.linear.x > 0.0
+    assert abs(command.angular.z) < 0.1

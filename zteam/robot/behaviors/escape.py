@@ -1,0 +1,332 @@
+"""How a robot gets free in a narrow place: it looks for a way of turns on the spot and straight drives, and tries it.
+
+The laser does not see all that stands around a robot, and the safety layer knows more than a scan shows. So odometry
+tells whether a turn or a drive works. One that does not is not tried there again for a while, and the next best way is.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.clock import to_ns
+from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.messages import Twist, Vector3
+from zteam.messages.planar import pose2_of
+from zteam.robot.safety.motion import outline_of
+from zteam.robot.view import View, beams_of
+
+CELL = 0.05
+"""Metres: side of a cell of the search. The robot stands on the middle one, and its x axis is the search's."""
+REACH = 1.6
+"""Metres from the robot up to which it looks for a way."""
+MARGIN = 0.03
+"""Metres that are free around the robot."""
+STEPS = ((2, 0), (2, 1), (1, 1), (1, 2))
+"""Cells of a step forward, for the headings of the first quarter."""
+HEADINGS = tuple(
+    (dx, dy)
+    for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))
+    for dx, dy in ((x * ahead - y * aside, y * ahead + x * aside) for ahead, aside in STEPS)
+)
+ANGLES = tuple(math.atan2(dy, dx) for dx, dy in HEADINGS)
+_ANGLES, _STEPS, _NUMBERS = np.array(ANGLES), np.array(HEADINGS), np.arange(len(HEADINGS))
+_NOWHERE = np.empty(0, np.intp)
+WALL_STEPS, MATE_STEPS = 3, 5
+"""Steps that have to be free for one: the safety layer stops a robot so far ahead of a wall, and of a teammate."""
+PRICES = {1: 1, 2: 1, -2: 1, -1: 3}
+"""Of a step of each kind of move: where it drives back no laser looks."""
+MOST_COST = 200
+"""Of all moves."""
+NEARER, LEAST_NEARER = 0.5, 0.15
+"""Metres that a way leads nearer to the place, if there is such a one, and that it does at least."""
+AWAY, LEAST_AWAY = 1.0, 0.6
+"""Metres that it leads away without a way, if there is room, and that it does at least."""
+BESIDE = 0.9
+"""Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
+FAILED_NEAR, FAILED_HEADINGS = 3, 3
+"""Cells around the place of a move that did not work, and headings, for which none like it is tried."""
+ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
+"""Metres beside the way within which a place is on it; what a metre beside it counts in metres along it elsewhere, and
+what it counts at all to be off it."""
+
+
+class Move(NamedTuple):
+    """A part of a way."""
+
+    kind: int
+    """1 is a drive forward, -1 back, 2 a turn to the left, -2 to the right."""
+    end: Pose2
+
+
+@lru_cache(maxsize=16)
+def _covered(footprint: tuple[Point2, ...]) -> tuple[NDArray[np.intp], ...]:
+    """By heading: the cells (n, 2) that a base covers with its margin."""
+    outline = outline_of(footprint)
+    far = math.ceil((outline.radius + MARGIN) / CELL)
+    cells = np.stack(np.meshgrid(*(np.arange(-far, far + 1),) * 2), axis=-1).reshape(-1, 2)
+    points = [_from_frame(Pose2(0.0, 0.0, -angle), CELL * cells.T) for angle in ANGLES]
+    return tuple(cells[outline.distances(each) <= MARGIN] for each in points)
+
+
+def _from_frame(pose: Pose2, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Points (2, n) of the frame at `pose`, in the frame that this is in."""
+    (x, y, yaw), (xs, ys) = pose, points
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
+
+
+def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
+    """By heading: the places (rows from below) where the base cannot be for these points (2, n) of its frame."""
+    middle = size // 2
+    # What is nearer than the margin now, by the cells, does not keep it from moving away.
+    points = points[:, outline_of(view.base.footprint).distances(points) > MARGIN + CELL]
+    cells = np.unique(np.round(points.T / CELL).astype(int), axis=0)
+    found = np.zeros((len(HEADINGS), size, size), bool)
+    for grid, covered in zip(found, _covered(view.base.footprint), strict=True):
+        at = (cells[:, None] - covered[None]).reshape(-1, 2) + middle
+        at = at[((at >= 0) & (at < size)).all(axis=1)]
+        grid[at[:, 1], at[:, 0]] = True
+    return found
+
+
+def find_moves(
+    view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]],
+    shunned: Sequence[Point2] = (),
+) -> list[Move]:  # fmt: skip
+    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here, from the
+    teammates and from the places `shunned`. Empty if none do.
+
+    `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
+    like them is tried near there. All is in the robot's base frame now.
+    """
+    reach = round(REACH / CELL)
+    middle = reach + 2 * MATE_STEPS
+    size = 2 * middle + 1
+    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
+    mates = _blocked(view, np.hstack([np.empty((2, 0)), *borders]), size)
+    walls = mates | _blocked(view, hits, size)
+    # By kind of move: from where it leads to a free place, and how far that is in the table of all of them.
+    works = {kind: np.roll(~walls, -kind // 2, axis=0) for kind in (2, -2)}
+    offsets = {kind: size * size * ((_NUMBERS + kind // 2) % len(HEADINGS) - _NUMBERS) for kind in (2, -2)}
+    rows, columns = np.ogrid[-middle : middle + 1, -middle : middle + 1]
+    inside = rows * rows + columns * columns <= reach * reach
+    for kind in (1, -1):
+        works[kind] = np.repeat(inside[None], len(HEADINGS), axis=0)
+        offsets[kind] = kind * (size * _STEPS[:, 1] + _STEPS[:, 0])
+        for heading, step in enumerate(offsets[kind].tolist()):
+            for ahead in range(1, MATE_STEPS):
+                grid = walls if ahead < WALL_STEPS else mates
+                works[kind][heading] &= ~np.roll(grid[heading], -ahead * step)
+    for kind, pose in failed:
+        near = np.argsort(-np.cos(_ANGLES - pose.yaw))[:FAILED_HEADINGS]
+        x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
+        works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
+    left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
+    start = best = middle * size + middle
+    nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
+    costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
+    costs[start] = 0
+    fronts: dict[int, list[NDArray[np.intp]]] = {0: [np.array([start])]}
+    for cost in range(MOST_COST):
+        front = np.unique(np.concatenate(fronts.pop(cost, [_NOWHERE])))
+        front = front[costs[front] == cost]
+        if not front.size:
+            continue
+        lefts = left[front % (size * size)]
+        at = int(lefts.argmin())
+        if lefts[at] < nearest:
+            best, nearest = int(front[at]), lefts[at]
+        if nearest <= enough:
+            break
+        for kind, price in PRICES.items():
+            begins = front[works[kind].ravel()[front]]
+            ends = begins + offsets[kind][begins // (size * size)]
+            ends = ends[costs[ends] > cost + price]
+            costs[ends], kinds[ends] = cost + price, kind
+            fronts.setdefault(cost + price, []).append(ends)
+    moves: list[Move] = []
+    while best != start:
+        kind, (heading, place) = int(kinds[best]), divmod(best, size * size)
+        y, x = divmod(place, size)
+        if not moves or moves[-1].kind != kind:
+            moves.append(Move(kind, Pose2(CELL * (x - middle), CELL * (y - middle), ANGLES[heading])))
+        before = (heading - kind // 2) % len(HEADINGS) if abs(kind) == 2 else heading
+        best -= int(offsets[kind][before])
+    return moves[::-1]
+
+
+def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
+    """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
+    way: less the further away it is, and nothing is won near places that are `shunned`."""
+    places = CELL * (np.arange(size) - size // 2)
+    if not way:
+        away = np.hypot(places, places[:, None])
+        near = [np.hypot(places - x, places[:, None] - y) < BESIDE for x, y in shunned]
+        return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
+    points = np.array(way)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
+    off = np.hypot(places[None, :, None] - points[:, 0], places[:, None, None] - points[:, 1])
+    found: NDArray[np.float64] = (after + np.where(off < ON_WAY, 0.0, OFF_WAY + OFF_COST * off)).min(axis=2)
+    return found
+
+
+TURNS_WITHIN = to_ns(1.0)
+"""Nanoseconds without turning after which it looks for a way."""
+HAS_TURNED = 0.05
+"""Radians that count as turning."""
+FREED = 1.0
+"""Metres from there after which it is free."""
+COMES, COMES_WITHIN = 0.2, to_ns(4.0)
+"""Metres that it has to come away in so many nanoseconds where it wants to get to a place."""
+AGAIN = to_ns(0.5)
+"""Nanoseconds without being asked after which what it wanted before does not count."""
+SPEED, BACK_SPEED, TURN_RATE = 0.3, 0.2, 1.0
+"""m/s and rad/s of a move."""
+GAIN, LEAST = 2.0, 0.1
+"""1/s: speed by what is left of a move; and m/s and rad/s at least."""
+DONE = 0.05
+"""Metres or radians to the end of a move at which it is done."""
+WORKS, WORKS_WITHIN = 0.02, to_ns(0.8)
+"""Metres or radians that it has to come on in so many nanoseconds, or the move does not work."""
+KEPT = to_ns(20.0)
+"""Nanoseconds for which a move is not tried again that did not work: what stood there may drive on."""
+LOOKS_ROUND, LOOKS_EACH = to_ns(0.8), to_ns(0.5)
+"""Nanoseconds without getting on after which it remembers what it sees, and between two such looks."""
+SEEN, BODY = 2.0, 0.1
+"""Metres from the laser up to which it remembers hits, and metres beside a teammate that may be that one."""
+RESTS = to_ns(1.0)
+"""Nanoseconds from a search that found no way to the next one."""
+
+
+class Escape:
+    """Watches whether a robot gets on, and moves it where it does not."""
+
+    def __init__(self) -> None:
+        self._turned, self._came = (0.0, 0), ((math.inf, math.inf), 0)
+        """The heading (rad) or place in odometry from which it has not got on, and since when (ns)."""
+        self._stuck_at: Point2 | None = None
+        """Where it got stuck, in odometry; None while it is free."""
+        self._asked = self._looks_at = 0
+        """When it was asked last, and when it may look for a way again (ns)."""
+        self._moves: list[Move] = []
+        """What is left to do, in odometry."""
+        self._left, self._since = math.inf, 0
+        """What was left of the move when it got on last (m or rad), and when that was (ns)."""
+        self._failed: list[tuple[int, int, Pose2]] = []
+        """Which moves did not work: when (ns), of which kind, and where in odometry."""
+        self._seen: list[tuple[int, NDArray[np.float64]]] = []
+        """What it saw while it did not get on: when (ns), and (2, n) hits in odometry."""
+
+    def rest(self) -> None:
+        """That it has not got on until now does not count."""
+        self._stuck_at, self._asked = None, 0
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it gets itself free."""
+        return self._stuck_at is not None
+
+    def free(self, view: View, command: Twist, way: Sequence[Point2] = ()) -> Twist:
+        """The velocity instead of `command`, by which the robot drives along a way (m, base frame) to its end.
+
+        Without a way it is left alone unless it is to turn on the spot and cannot.
+        """
+        own, now = None if view.odom is None else pose2_of(view.odom.pose.pose), view.now
+        if own is None:
+            return command
+        is_new, self._asked = now - self._asked > AGAIN, now
+        is_turn, is_drive = command.angular.z != 0.0, command.linear.x != 0.0
+        if is_new or not is_turn or is_drive or abs(normalize_angle(own.yaw - self._turned[0])) > HAS_TURNED:
+            self._turned = own.yaw, now
+        if is_new or not way or not (is_turn or is_drive) or math.dist(own[:2], self._came[0]) > COMES:
+            self._came = own[:2], now
+        if not (is_turn or is_drive):
+            self._stuck_at = None
+        cannot_turn = now - self._turned[1] > TURNS_WITHIN
+        if self._stuck_at is None and now - min(self._turned[1], self._came[1]) > LOOKS_ROUND:
+            self._look_round(view, own)
+        if self._stuck_at is None and now > self._looks_at and (cannot_turn or now - self._came[1] > COMES_WITHIN):
+            self._stuck_at, self._moves = own[:2], []
+            if cannot_turn:
+                self._failed.append((now, 2 if command.angular.z > 0.0 else -2, own))
+        if self._stuck_at is None:
+            return command
+        self._look_round(view, own)
+        aside = math.copysign(0.5 * math.pi, command.angular.z)
+        freed = self._move(view, own)
+        if freed is None and (not self._moves or way) and math.dist(own[:2], self._stuck_at) < FREED:
+            self._find(view, own, way or [(math.cos(aside), math.sin(aside))])
+            freed = self._move(view, own)
+        if freed is None:
+            # Whatever it does next, it has a while to get on.
+            self._turned, self._came = (own.yaw, now), (own[:2], now)
+            self._stuck_at, self._looks_at = None, now + RESTS
+        return freed or command
+
+    def leave(self, view: View, shunned: Sequence[Point2] = ()) -> bool:
+        """Whether there is a way away from here, and not to places `shunned` (base frame); `free` then takes it."""
+        own = None if view.odom is None else pose2_of(view.odom.pose.pose)
+        if own is None:
+            return False
+        self._asked = view.now
+        self._look_round(view, own)
+        self._find(view, own, (), shunned)
+        # At its end nothing is left to do.
+        self._stuck_at = (math.inf, math.inf) if self._moves else None
+        return bool(self._moves)
+
+    def _look_round(self, view: View, own: Pose2) -> None:
+        """Remember what the laser sees now and then: it does not look behind. Teammates move, and are known."""
+        beams = None if view.scan is None else beams_of(view.scan)
+        if beams is None or (self._seen and view.now - self._seen[-1][0] < LOOKS_EACH):
+            return
+        hits = beams.find_hits(SEEN) + np.array(view.laser)[:, None]
+        for mate in view.teammates:
+            hits = hits[:, np.hypot(hits[0] - mate.pose.x, hits[1] - mate.pose.y) > mate.base.radius + BODY]
+        hits = CELL * np.unique(np.round(hits / CELL), axis=1)
+        self._seen = [each for each in self._seen if view.now - each[0] < KEPT]
+        self._seen.append((view.now, _from_frame(own, hits)))
+
+    def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
+        """Find moves along a way."""
+        self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
+        to_base = own.inverse()
+        hits = _from_frame(to_base, np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]))
+        failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
+        found = find_moves(view, hits, way, failed, shunned)
+        self._moves = [Move(kind, own.compose(end)) for kind, end in found]
+        self._left, self._since = math.inf, view.now
+
+    def _move(self, view: View, own: Pose2) -> Twist | None:
+        """The velocity of its moves; None at their end, or where one does not work."""
+        while self._moves:
+            kind, end = self._moves[0]
+            at = own.inverse().compose(end)
+            if abs(kind) == 2:
+                side = math.copysign(1.0, kind)
+                left = (side * at.yaw + 0.5) % math.tau - 0.5
+            else:
+                left = kind * at.x
+            if left < DONE:
+                self._moves.pop(0)
+                self._left, self._since = math.inf, view.now
+                continue
+            if left < self._left - WORKS:
+                self._left, self._since = left, view.now
+            elif view.now - self._since > WORKS_WITHIN:
+                self._failed.append((view.now, kind, own))
+                self._moves = []
+                break
+            rate = max(LEAST, GAIN * left)
+            if abs(kind) == 2:
+                return Twist(angular=Vector3(z=side * min(TURN_RATE, rate)))
+            # It comes to a stop at the end, and on the way there back to the straight line.
+            turn = max(-0.3, min(0.3, GAIN * at.yaw + kind * 4.0 * at.y * min(1.0, left)))
+            return Twist(Vector3(min(SPEED, rate) if kind == 1 else -min(BACK_SPEED, rate)), Vector3(z=turn))
+        return None
