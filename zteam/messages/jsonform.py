@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from zteam.config.resources import load_yaml
 from zteam.errors import UsageError
 from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
@@ -73,6 +72,8 @@ def _read(kind: type[Message], text: str) -> Any:
     with contextlib.suppress(msgspec.DecodeError, RecursionError):
         return msgspec.json.decode(text)
     import yaml
+
+    from zteam.config.resources import load_yaml
 
     try:
         return load_yaml(text)
