@@ -17,6 +17,7 @@ MAX_SECONDS = 1e9
 Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1000.0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
 """In SI units: what a robot and its surroundings have."""
+Signed = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.map_files import FREE
-from zteam.config.numbers import Count, NotNegative, Positive, Share
+from zteam.config.numbers import Count, NotNegative, Positive, Share, Signed
 from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import FAR, Pose2, normalize_angle
@@ -65,7 +65,7 @@ class AmclOptions(CheckedOptions, frozen=True):
     z_rand: Share = 0.5
     sigma_hit: Positive = 0.2
     laser_likelihood_max_dist: Positive = 2.0
-    laser_max_range: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 100.0
+    laser_max_range: Signed = 100.0
     """Metres; a longer beam, or one of the laser's range_max, says nothing. 0 or less: range_max alone counts."""
     pf_err: Annotated[float, msgspec.Meta(ge=1e-3, le=1.0)] = 0.05
     pf_z: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.99

@@ -16,7 +16,7 @@ import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.numbers import Coordinate, NotNegative, Positive
+from zteam.config.numbers import Coordinate, NotNegative, Positive, Signed
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
@@ -59,9 +59,6 @@ class Plugin(NamedTuple):
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
-_Signed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
-
-
 class FirstPose(CheckedOptions, frozen=True):
     """Where a robot is at first, in amcl's own parameters."""
 
@@ -69,7 +66,7 @@ class FirstPose(CheckedOptions, frozen=True):
     """Without it, a robot begins where the transforms say that it is."""
     x: Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
     y: Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
-    yaw: _Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
+    yaw: Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
 class FakeOptions(CheckedOptions, frozen=True):
@@ -77,7 +74,7 @@ class FakeOptions(CheckedOptions, frozen=True):
 
     delta_x: Coordinate = 0.0
     delta_y: Coordinate = 0.0
-    delta_yaw: _Signed = 0.0
+    delta_yaw: Signed = 0.0
     """Metres and radians that are added to each pose."""
     noise_xy: NotNegative = 0.0
     noise_yaw: NotNegative = 0.0
@@ -98,7 +95,7 @@ class ControllerOptions(CheckedOptions, frozen=True):
     goal_checker_plugin: str = "general_goal_checker"
     """Where no list is given; until Humble, files had names of checkers in the place of lists."""
     controller_frequency: Positive = 20.0
-    failure_tolerance: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 0.3
+    failure_tolerance: Signed = 0.3
     """Seconds that the controller may find no command before a recovery begins; below 0: without end."""
 
 
@@ -111,19 +108,23 @@ _SPEEDS = {
 """By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
 _UNLIMITED = 1000.0
 """The largest limit that can be given."""
+_BACKWARDS = "min_vel_x", "vx_min"
+"""Only what is below 0 of these limits a robot: with 0, its controller does not reverse, but its recoveries do."""
 _NAMES = [(name, Positive, _UNLIMITED) for row in _SPEEDS.values() for name in row]
+_NAMES += [(name, Signed, 0.0) for name in _BACKWARDS]
 SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
 
 
-_Vector = tuple[Positive, _Signed, Positive]
+_Vector = tuple[Positive, Signed, Positive]
 _Backwards = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=0.0)]
+_Clockwise = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=-1e-3)]
 
 
 class SmootherOptions(CheckedOptions, frozen=True):
     """Limits of Nav2's velocity_smoother: along x and y, and about z."""
 
     max_velocity: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
-    min_velocity: tuple[_Backwards, _Signed, _Signed] = (-_UNLIMITED, 0.0, 0.0)
+    min_velocity: tuple[_Backwards, Signed, _Clockwise] = (-_UNLIMITED, 0.0, -_UNLIMITED)
     max_accel: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
 
 
@@ -217,9 +218,11 @@ class Parameters(NamedTuple):
     def limits(self) -> Base:
         """A base whose limits all commands keep within."""
         (x, _, turn), (gain, _, turn_gain) = self.smoother.max_velocity, self.smoother.max_accel
-        found = {"max_vel_x": x, "max_vel_theta": turn, "acc_lim_x": gain, "acc_lim_theta": turn_gain}
+        back, _, clockwise = self.smoother.min_velocity
+        found = {"max_vel_x": x, "max_vel_theta": min(turn, -clockwise), "acc_lim_x": gain, "acc_lim_theta": turn_gain}
         least = {key: min(found[key], *(getattr(self.speed, name) for name in row)) for key, row in _SPEEDS.items()}
-        return Base(min_vel_x=self.smoother.min_velocity[0], **least)
+        lower = (getattr(self.speed, name) for name in _BACKWARDS)
+        return Base(min_vel_x=max(back, -least["max_vel_x"], *(speed for speed in lower if speed < 0.0)), **least)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""

@@ -10,6 +10,7 @@ from support.installed_packages import install
 from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.messages.base import Base
+from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.parameters import FirstPose, Parameters, navigation_of_robot
 
 NAV2 = """
@@ -267,6 +268,35 @@ def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
     slower = f"{text}\nvelocity_smoother: {{ros__parameters: {{max_velocity: [0.1, 0.0, 0.3]}}}}"
     options = read(tmp_path, slower).make_controller(fast).options  # type: ignore[attr-defined]
     assert (options.desired_linear_vel, options.rotate_to_heading_angular_vel) == (0.1, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("controller", "smoother", "backwards", "turn"),
+    [
+        ("max_vel_x: 0.05, max_speed_xy: 0.05, min_vel_x: 0.0", "{}", -0.05, 1000.0),
+        ("max_vel_x: 0.5, min_vel_x: -0.1", "{min_velocity: [-0.3, 0.0, -0.2]}", -0.1, 0.2),
+        ("vx_max: 0.5, vx_min: -0.35", "{min_velocity: [-0.3, 0.0, -1.0], max_velocity: [1, 0, 0.7]}", -0.3, 0.7),
+        ("vx_min: -0.2", "{}", -0.2, 1000.0),
+    ],
+)
+def test_a_robot_reverses_and_turns_clockwise_no_faster_than_its_file_allows(
+    tmp_path: Path, controller: str, smoother: str, backwards: float, turn: float
+) -> None:
+    """Nor backwards faster than forwards; with a lowest speed of 0 recoveries still reverse, as in Nav2."""
+    text = f"controller_server: {{ros__parameters: {{FollowPath: {{{controller}}}}}}}"
+    limits = read(tmp_path, f"{text}\nvelocity_smoother: {{ros__parameters: {smoother}}}").limits
+    assert (limits.min_vel_x, limits.max_vel_theta) == (backwards, turn)
+
+
+def test_special_values_are_those_of_nav2(tmp_path: Path) -> None:
+    """However far below 0 they are."""
+    text = """
+amcl: {ros__parameters: {laser_max_range: -5.0}}
+controller_server: {ros__parameters: {failure_tolerance: -2.0, FollowPath: {max_robot_pose_search_dist: -2.0}}}
+"""
+    found = read(tmp_path, text)
+    assert (found.controller.failure_tolerance, found.pursuit.max_robot_pose_search_dist) == (-2.0, -2.0)
+    assert found.amcl.farthest == AmclOptions(laser_max_range=0.0).farthest
 
 
 @pytest.mark.parametrize(
