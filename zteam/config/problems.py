@@ -1,10 +1,12 @@
 """Checks a table that a user wrote against a struct type, and tells all mistakes at once."""
 
 import json
+import os
 import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from functools import cache
+from numbers import Integral, Real
 from typing import Any, NamedTuple, get_args
 
 import msgspec
@@ -49,11 +51,21 @@ class CheckedOptions(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for key, field in _fields_of(type(self)).items():
-            value = getattr(self, field.name)
-            # To msgspec a float of numpy is no number.
-            value = float(value) if isinstance(value, float) else value
+            value = plain(getattr(self, field.name))
             for problem in _problem(value, field.type, (key,), strict=True):
                 raise ValueError(str(problem))
+            msgspec.structs.force_setattr(self, field.name, msgspec.convert(value, field.type))
+
+
+def plain(value: Any) -> Any:
+    """The value as msgspec reads it: it knows no numbers of numpy, no ranges and no paths."""
+    if isinstance(value, str | bool | os.PathLike):
+        return os.fspath(value) if isinstance(value, os.PathLike) else value
+    if isinstance(value, Real):
+        return int(value) if isinstance(value, Integral) else float(value)
+    if isinstance(value, Mapping):
+        return {plain(key): plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, Iterable) else value
 
 
 def problems_of(

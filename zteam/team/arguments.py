@@ -4,7 +4,6 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping
-from numbers import Integral, Real
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -12,6 +11,7 @@ import msgspec
 from zteam import names
 from zteam.bus import BusOptions
 from zteam.config.numbers import Seconds
+from zteam.config.problems import plain
 from zteam.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -63,7 +63,7 @@ def checks_arguments(place: str) -> Callable[[F], F]:
                 kind, wanted = _ROWS.get(f"{call}.{name}") or _ROWS.get(name) or (Any, "")
                 if wanted and value is not signature.parameters[name].default:
                     try:
-                        given.arguments[name] = msgspec.convert(_plain(value), kind)
+                        given.arguments[name] = msgspec.convert(plain(value), kind)
                     except msgspec.ValidationError:
                         raise UsageError(f"{place}{call}: {name} is {value!r:.60}: give {wanted}") from None
             return checked(*given.args, **given.kwargs)
@@ -71,14 +71,3 @@ def checks_arguments(place: str) -> Callable[[F], F]:
         return check  # type: ignore[return-value]
 
     return decorate
-
-
-def _plain(value: Any) -> Any:
-    """The value as msgspec reads it: it knows no numbers of numpy, no ranges and no paths."""
-    if isinstance(value, str | bool | os.PathLike):
-        return os.fspath(value) if isinstance(value, os.PathLike) else value
-    if isinstance(value, Real):
-        return int(value) if isinstance(value, Integral) else float(value)
-    if isinstance(value, Mapping):
-        return {_plain(key): _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, Iterable) else value

@@ -17,7 +17,7 @@ import msgspec
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.numbers import Coordinate, NotNegative, Positive, Signed
-from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
+from zteam.config.problems import CheckedOptions, KeyValueError, Problem, plain, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
 from zteam.kernels.navigation import MAX_CELLS
@@ -259,7 +259,7 @@ def navigation_of_robot(
     table: Mapping[str, Any], robot_id: int, folder: Path, source: str
 ) -> tuple[Parameters, list[str]]:
     """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`; and the names of those
-    that have no effect, `node.name` each, sorted.
+    that have no effect, sorted: `node.name`, or `name` if several nodes have it.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
     `ros__parameters`. Raises UsageError; `source` is what the table is called there.
@@ -341,8 +341,14 @@ def _read_parameters(
         ]
     if problems:
         raise UsageError("\n".join(dict.fromkeys(problems)))
-    every = {(node, name) for node, table in tables.items() for name in table}
-    return parameters, sorted(f"{node}.{name}" for node, name in every - taken)
+    ignored: dict[str, list[str]] = {}
+    for node, name in sorted({(node, name) for node, table in tables.items() for name in table} - taken):
+        ignored.setdefault(name, []).append(node)
+    # What a wildcard gives to all nodes is for the one that knows it.
+    for _, name in taken:
+        if all(name in tables.get(node, {}) for node in NODES):
+            ignored.pop(name, None)
+    return parameters, sorted(name if len(nodes) > 1 else f"{nodes[0]}.{name}" for name, nodes in ignored.items())
 
 
 def _products(parameters: Parameters) -> Iterator[tuple[str, str, float, float, str]]:
@@ -368,7 +374,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
     """Options with other values; or as they were, and what is wrong with the values."""
-    table, kind = {**msgspec.to_builtins(options), **values}, type(options)
+    table, kind = plain({**msgspec.to_builtins(options), **values}), type(options)
     problems = problems_of(table, kind)
     return options if problems else msgspec.convert(table, kind), problems
 
@@ -388,8 +394,8 @@ _OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
 }
 """Of each kind of plug-in: zteam's own, its class and its options."""
 _OF_NAV2 = {
-    "planner": re.compile(r"(?:smac_planner|nav2_(?!\w*controller)\w+)(?:::|[/:.])\w+"),
-    "controller": re.compile(r"(?:dwb_core|nav2_(?!\w*planner)\w+)(?:::|[/:.])\w+"),
+    "planner": re.compile(r"(?:smac_planner|nav2_\w+_planner)(?:::|[/:.])\w+"),
+    "controller": re.compile(r"(?:dwb_core|nav2_\w+_controller)(?:::|[/:.])\w+"),
 }
 """Names of Nav2's plug-ins, whose work zteam's own does here; files separate their parts by `::` or `/`."""
 
@@ -445,6 +451,9 @@ def _read_plugin(
     key = f"{prefix}plugin"
     where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
     name = plugin_name(kind, given, f"{where}: ")
+    for shimmed in (f"{prefix}primary_controller", f"{prefix}{_SHIMMED}plugin"):
+        if name != given and shimmed in own:
+            plugin_name(kind, str(own[shimmed]), f"{place_of(place.node, shimmed)}: ")
     if name != _OWN[kind][0]:
         return Plugin(name, {name.removeprefix(prefix): value for name, value in own.items() if name != key}), own, []
     if given == name:
@@ -454,7 +463,7 @@ def _read_plugin(
 
 def _read_parameter_file(path: Path) -> list[_Node]:
     """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
+    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError, own="")
     nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
     if not nodes and table is not None:
         raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")

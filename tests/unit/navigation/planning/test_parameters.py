@@ -51,10 +51,15 @@ robot_2:
     ros__parameters: {alpha3: 0.7}
 """
 
+SHIM = (
+    "controller_server: {{ros__parameters: {{FollowPath: "
+    "{{plugin: 'nav2_rotation_shim_controller::RotationShimController', {}}}}}}}"
+)
+
 
 def read(folder: Path, text: str, robot_id: int = 1, **table: object) -> Parameters:
     """The parameters of a file with this text."""
-    (folder / "nav2_params.yaml").write_text(text)
+    (folder / "nav2_params.yaml").write_text(text, "latin-1")
     return navigation_of_robot({"params": "nav2_params.yaml", **table}, robot_id, folder, "navigation")[0]
 
 
@@ -102,10 +107,11 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
     """Sorted, with their nodes; the plugins that are here, and the lists of plugins, are known."""
     (tmp_path / "nav2_params.yaml").write_text(NAV2)
     table = {"params": "nav2_params.yaml", "amcl": {"beams": 3}}
-    unknown = navigation_of_robot(table, 1, tmp_path, "navigation")[1]
-    assert [name for name in unknown if not name.endswith(("alpha1", "alpha2"))] == [
-        "amcl.beams", "amcl.use_sim_time", "controller_server.precise.plugin",
-    ]  # fmt: skip
+    unknown = ["amcl.beams", "amcl.use_sim_time", "controller_server.precise.plugin"]
+    assert navigation_of_robot(table, 1, tmp_path, "navigation")[1] == unknown
+    (tmp_path / "nav2_params.yaml").write_text(f"{NAV2}\n'*': {{ros__parameters: {{use_sim_time: true}}}}")
+    unknown = ["amcl.beams", "controller_server.precise.plugin", "use_sim_time"]
+    assert navigation_of_robot(table, 1, tmp_path, "navigation")[1] == unknown
 
 
 @pytest.mark.parametrize(
@@ -184,6 +190,14 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "controller_server: {ros__parameters: {FollowPath: {plugin: 'nav2_navfn_planner::NavfnPlanner'}}}",
             "there is no controller 'nav2_navfn_planner::NavfnPlanner'",
         ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: 'nav2_controller::SimpleGoalChecker'}}}",
+            "FollowPath.plugin: there is no controller 'nav2_controller::SimpleGoalChecker'",
+        ),
+        (SHIM.format("primary_controller: 'teb::Planner'"), "FollowPath.primary_controller: there is no controller"),
+        (SHIM.format("primary_controller: {plugin: a::B}"), "FollowPath.primary_controller.plugin: there is no"),
+        ("<?xml version='1.0'?>\n<sdf version='1.8'/>", "nav2_params.yaml: this is a file of Gazebo"),
+        ("\x89PNG\r\n", "nav2_params.yaml: this is a picture"),
         ("[1, 2]", "has no parameters"),
         ("a: [", "nav2_params.yaml:1: not YAML: while parsing a flow node"),
         ("amcl: {alpha1: 0.3}", "has no parameters"),
