@@ -19,6 +19,8 @@ NO_WORLD = "none"
 
 NO_BEHAVIOR = "none"
 """`behavior = "none"`: the team starts no process for the robot; a program of the user's own drives its base."""
+WITHOUT_PROCESS = ("behavior", "follow", "model", "description")
+"""Keys of [defaults] that hold for such a robot too."""
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
@@ -80,9 +82,10 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        needless = next(iter(self.params), "" if self.navigation is False else "navigation")
+        idle = {"navigation": False, "restart": None, "base": BaseOverride(), "safety": True}
+        needless = [*self.params, *(key for key, default in idle.items() if getattr(self, key) != default)]
         if needless and not self.has_process:
-            raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
+            raise KeyValueError(needless[0], 'needs a process, and behavior = "none" starts none; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
         if "leader" in self.params and (self.follow is not None or self.behavior is None):
