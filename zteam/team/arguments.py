@@ -2,8 +2,7 @@
 
 import functools
 import inspect
-import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
 import msgspec

@@ -19,7 +19,7 @@ NO_WORLD = "none"
 
 NO_BEHAVIOR = "none"
 """`behavior = "none"`: the team starts no process for the robot; a program of the user's own drives its base."""
-WITHOUT_PROCESS = ("behavior", "follow", "model", "description")
+WITHOUT_PROCESS = ("behavior", "follow", "base", "model", "description")
 """Keys of [defaults] that hold for such a robot too."""
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
@@ -82,7 +82,7 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        idle = {"navigation": False, "restart": None, "base": BaseOverride(), "safety": True}
+        idle = {"navigation": False, "restart": None, "safety": True}
         needless = [*self.params, *(key for key, default in idle.items() if getattr(self, key) != default)]
         if needless and not self.has_process:
             raise KeyValueError(needless[0], 'needs a process, and behavior = "none" starts none; leave it out')

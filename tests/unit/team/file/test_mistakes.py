@@ -35,7 +35,6 @@ MISTAKES = [
             "navigation = {}",
             "safety = false",
             "restart = 'no'",
-            "base = { max_vel_x = 1 }",
         )
     ),
     (f"{ROBOT}restart = 1", "3: robots[0].restart"),

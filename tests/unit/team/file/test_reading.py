@@ -156,7 +156,7 @@ def test_defaults_hold_where_a_robot_says_nothing(tmp_path: Path) -> None:
     ("defaults", "table"),
     [
         (
-            'speed = 0.3\nnavigation = true\nsafety = false\nrestart = "on-failure"\nbase = {max_vel_x = 0.5}',
+            'speed = 0.3\nnavigation = true\nsafety = false\nrestart = "on-failure"',
             'id = 0\nbehavior = "none"',
         ),
         ('behavior = "none"\nspeed = 0.3\nnavigation = true', "id = 0"),
