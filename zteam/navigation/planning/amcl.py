@@ -42,10 +42,10 @@ _MATCHED_WITHIN = 1.0, 0.7
 _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
-_LATELY, _USUALLY, _WORSE = 8, 50, 0.75
-"""Updates: so many in a row whose scans fit the map worse than this share of how they usually do say that the robot is
-elsewhere; and over how many the usual fit is averaged. A robot put 5 m and more away in the shipped office has 0.6 of
-it in the median, one that knows its place 0.97 at least."""
+_LOST_UPDATES, _USUAL_UPDATES, _LOST_FIT = 8, 50, 0.75
+"""The robot is lost when each of the last updates fits the map worse than this share of the usual fit, an average over
+so many updates. A robot moved by 5 m or more in the shipped office has a median share of 0.6; one that knows its place
+has at least 0.97."""
 
 
 class AmclOptions(CheckedOptions, frozen=True):
@@ -175,17 +175,17 @@ class Amcl:
     def is_elsewhere(self) -> bool:
         """Whether the last scans fit the map much worse around `pose` than they did before: the robot was carried away,
         or much stands there that the map does not show."""
-        return self._looks > _LATELY and max(self._fits) < _WORSE * self._usual
+        return self._looks > _LOST_UPDATES and max(self._fits) < _LOST_FIT * self._usual
 
     def _match(self, field: LikelihoodField, beams: BeamEnds, pose: Floats) -> Floats:
         """The pose near this one (1, 3) where the beams fit best; how well they do is remembered."""
         fitting, fits = likelihood.match(field, pose, beams, *_FIRST_STEPS)
         if beams.shape[1]:
             fit = float(fits[0]) / (likelihood.UNITS * field.unit)
-            self._fits = [*self._fits[1 - _LATELY :], fit]
-            if fit >= _WORSE * self._usual:
+            self._fits = [*self._fits[1 - _LOST_UPDATES :], fit]
+            if fit >= _LOST_FIT * self._usual:
                 self._looks += 1
-                self._usual += (fit - self._usual) / min(self._looks, _USUALLY)
+                self._usual += (fit - self._usual) / min(self._looks, _USUAL_UPDATES)
         found: Floats = fitting[0]
         return found
 
