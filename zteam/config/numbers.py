@@ -10,6 +10,7 @@ import msgspec
 
 from zteam.errors import UsageError
 from zteam.geometry import FAR
+from zteam.names import MAX_ROBOT_ID
 
 N = TypeVar("N", int, float)
 MAX_SECONDS = 1e9
@@ -22,6 +23,7 @@ Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
 Count = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
+RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 
 
 def shown(text: str) -> str:

@@ -89,7 +89,9 @@ def problems_of(
     for key, value in table.items():
         if key in fields:
             inner = fields[key].type
-            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key), strict=strict)
+            config = getattr(inner, "__struct_config__", None)
+            is_table = config is not None and config.tag is None and not config.array_like
+            found += (problems_of if is_table else _problem)(value, inner, (*path, key), strict=strict)
         elif kind.__struct_config__.forbid_unknown_fields:
             listed = f"{takes} {', '.join(fields) or 'no parameters'}"
             found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
@@ -103,14 +105,6 @@ def problems_of(
 def _fields_of(kind: type[msgspec.Struct]) -> dict[str, msgspec.structs.FieldInfo]:
     """The fields of a type by key: msgspec resolves their annotations anew in each call, which takes 0.1 ms."""
     return {field.encode_name: field for field in msgspec.structs.fields(kind)}
-
-
-def _is_table(kind: Any) -> bool:
-    """Whether a key of this type holds a table of known keys."""
-    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
-        return False
-    config = kind.__struct_config__
-    return config.tag is None and not config.array_like
 
 
 def _problem(value: Any, kind: Any, path: KeyPath, *, strict: bool) -> list[Problem]:

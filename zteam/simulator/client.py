@@ -14,17 +14,15 @@ from zteam.bus import Bus, Change
 from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock
 from zteam.config.fault import Fault
-from zteam.config.numbers import Coordinate
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.config.problems import problems_of
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Clock, MapMetaData, ns_from_time
 from zteam.messages.planar import pose2_of
-from zteam.names import MAX_ROBOT_ID
 
 T = TypeVar("T")
 
-RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 BOUNDARY_LIMIT = 60.0
 """Host seconds that a change waits for the open tick to end, which a hung participant may hold."""
 MAX_TICKS = 1_000_000_000_000

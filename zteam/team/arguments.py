@@ -9,13 +9,12 @@ import msgspec
 
 from zteam import names
 from zteam.bus import BusOptions
-from zteam.config.numbers import Seconds
+from zteam.config.numbers import RobotId, Seconds
 from zteam.config.problems import plain
 from zteam.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
 _HostSeconds = Annotated[float, msgspec.Meta(ge=1e-3, le=3600.0)]
-_Id = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 _Seed = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
 _Tick = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
 ARGUMENTS: dict[str, tuple[Any, str]] = {
@@ -28,7 +27,7 @@ ARGUMENTS: dict[str, tuple[Any, str]] = {
     "map_resolution": (Annotated[float, msgspec.Meta(ge=1e-4, le=1e4)], "metres a cell from 0.0001 to 10000"),
     "name": (str, "the name of a process"),
     "params": (dict[int, dict[str, Any]], 'a dict by robot, as {0: {"speed": 0.2}}'),
-    "robot_id": (_Id, f"a robot id from 0 to {names.MAX_ROBOT_ID}"),
+    "robot_id": (RobotId, f"a robot id from 0 to {names.MAX_ROBOT_ID}"),
     "robots": (list[int], "a list of robot ids"),
     "run_team.chaos secure world": (str, "a path or a name"),
     "seconds timeout within": (Seconds, "seconds from 0 to 1e9"),

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from zteam.config.numbers import Coordinate
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.errors import DecodeError
 from zteam.names import is_wildcard
-from zteam.simulator.client import MAX_SPEED, MAX_TICKS, RobotId
+from zteam.simulator.client import MAX_SPEED, MAX_TICKS
 
 VERSION = 1
 MAX_BYTES = 64 * 1024

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, get_args, get_type_hints
 
 import msgspec
 
@@ -402,14 +402,12 @@ _OF_NAV2 = {
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     """A planner by its name. Raises UsageError."""
-    planner: Planner = _make("planner", name, parameters)
-    return planner
+    return cast(Planner, _make("planner", name, parameters))
 
 
 def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
     """A controller by its name. Raises UsageError."""
-    controller: Controller = _make("controller", name, parameters)
-    return controller
+    return cast(Controller, _make("controller", name, parameters))
 
 
 def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:

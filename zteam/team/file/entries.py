@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from zteam import names
-from zteam.config.numbers import Coordinate
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
@@ -22,7 +22,6 @@ NO_BEHAVIOR = "none"
 WITHOUT_PROCESS = ("behavior", "follow", "base", "model", "description")
 """Keys of [defaults] that hold for such a robot too."""
 
-RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
