@@ -14,16 +14,13 @@ from zteam.config.problems import plain
 from zteam.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
-_HostSeconds = Annotated[float, msgspec.Meta(ge=1e-3, le=3600.0)]
-_Seed = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
-_Tick = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
 ARGUMENTS: dict[str, tuple[Any, str]] = {
     "bus": (BusOptions, "BusOptions, such as BusOptions.from_environment()"),
     "chaos in_process lockstep": (bool, "True or False"),
     "expect processes": (list[str], "the names of processes, as a list"),
     "follow": (dict[int, int | str], "a dict by robot, as {1: 0}, where robot 1 follows robot 0"),
     "launch.arguments nodes run_team.arguments": (dict[str, Any], "a dict by name"),
-    "lockstep_timeout": (_HostSeconds, "host seconds from 0.001 to 3600"),
+    "lockstep_timeout": (Annotated[float, msgspec.Meta(ge=1e-3, le=3600.0)], "host seconds from 0.001 to 3600"),
     "map_resolution": (Annotated[float, msgspec.Meta(ge=1e-4, le=1e4)], "metres a cell from 0.0001 to 10000"),
     "name": (str, "the name of a process"),
     "params": (dict[int, dict[str, Any]], 'a dict by robot, as {0: {"speed": 0.2}}'),
@@ -31,10 +28,10 @@ ARGUMENTS: dict[str, tuple[Any, str]] = {
     "robots": (list[int], "a list of robot ids"),
     "run_team.chaos secure world": (str, "a path or a name"),
     "seconds timeout within": (Seconds, "seconds from 0 to 1e9"),
-    "seed": (_Seed, "a whole number of at most 64 bits"),
+    "seed": (Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)], "a whole number of at most 64 bits"),
     "start.robots": (int | str | list[int], 'a number of robots, a list of ids, or ids as text such as "0,2-4"'),
     "team text": (str, "a text"),
-    "tick until": (_Tick, "a tick, a whole number from 0"),
+    "tick until": (Annotated[int, msgspec.Meta(ge=0, le=10**12)], "a tick, a whole number from 0"),
 }
 """By names of arguments, `call.name` where a call differs: the type, and what is asked for. Defaults are right, too."""
 _ROWS = {name: row for words, row in ARGUMENTS.items() for name in words.split()}

@@ -22,8 +22,6 @@ NO_BEHAVIOR = "none"
 WITHOUT_PROCESS = ("behavior", "follow", "base", "model", "description")
 """Keys of [defaults] that hold for such a robot too."""
 
-# argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
-Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 Restart = Literal["no", "on-failure"]
 """Whether `zteam up` starts a process again that has failed."""
@@ -34,7 +32,8 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     world: Text | None = None
     """A path relative to the file, the name of a shipped world, or "none". Without it `zteam up` needs --world."""
-    seed: Seed = 1
+    # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 1
     world_robots: bool = True
     """False: leave the world's own robots out, and simulate only those that the team adds with a `pose`."""
     restart: Restart = "no"
