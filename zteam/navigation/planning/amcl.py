@@ -167,7 +167,7 @@ class Amcl:
         self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
         self._fits: list[float] = []
-        self._usual, self._looks = 0.0, 0
+        self._usual, self._fit_count = 0.0, 0
         # From where the next odometry is.
         self._odom, self._forced = None, True
 
@@ -175,7 +175,7 @@ class Amcl:
     def is_elsewhere(self) -> bool:
         """Whether the last scans fit the map much worse around `pose` than they did before: the robot was carried away,
         or much stands there that the map does not show."""
-        return self._looks > _LOST_UPDATES and max(self._fits) < _LOST_FIT * self._usual
+        return self._fit_count > _LOST_UPDATES and max(self._fits) < _LOST_FIT * self._usual
 
     def _match(self, field: LikelihoodField, beams: BeamEnds, pose: Floats) -> Floats:
         """The pose near this one (1, 3) where the beams fit best; how well they do is remembered."""
@@ -184,8 +184,8 @@ class Amcl:
             fit = float(fits[0]) / (likelihood.UNITS * field.unit)
             self._fits = [*self._fits[1 - _LOST_UPDATES :], fit]
             if fit >= _LOST_FIT * self._usual:
-                self._looks += 1
-                self._usual += (fit - self._usual) / min(self._looks, _USUAL_UPDATES)
+                self._fit_count += 1
+                self._usual += (fit - self._usual) / min(self._fit_count, _USUAL_UPDATES)
         found: Floats = fitting[0]
         return found
 
