@@ -10,6 +10,7 @@ import msgspec
 
 from zteam.errors import UsageError
 from zteam.geometry import FAR
+from zteam.names import MAX_ROBOT_ID
 
 N = TypeVar("N", int, float)
 MAX_SECONDS = 1e9
@@ -17,10 +18,12 @@ MAX_SECONDS = 1e9
 Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1000.0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
 """In SI units: what a robot and its surroundings have."""
+Signed = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Coordinate = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
 Count = Annotated[int, msgspec.Meta(ge=1, le=1_000_000)]
+RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 
 
 def shown(text: str) -> str:

@@ -1,10 +1,12 @@
 """Checks a table that a user wrote against a struct type, and tells all mistakes at once."""
 
 import json
+import os
 import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from functools import cache
+from numbers import Integral, Real
 from typing import Any, NamedTuple, get_args
 
 import msgspec
@@ -49,11 +51,21 @@ class CheckedOptions(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for key, field in _fields_of(type(self)).items():
-            value = getattr(self, field.name)
-            # To msgspec a float of numpy is no number.
-            value = float(value) if isinstance(value, float) else value
+            value = plain(getattr(self, field.name))
             for problem in _problem(value, field.type, (key,), strict=True):
                 raise ValueError(str(problem))
+            msgspec.structs.force_setattr(self, field.name, msgspec.convert(value, field.type))
+
+
+def plain(value: Any) -> Any:
+    """The value as msgspec reads it: it knows no numbers of numpy, no ranges and no paths."""
+    if isinstance(value, str | bool | os.PathLike):
+        return os.fspath(value) if isinstance(value, os.PathLike) else value
+    if isinstance(value, Real):
+        return int(value) if isinstance(value, Integral) else float(value)
+    if isinstance(value, Mapping):
+        return {plain(key): plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, Iterable) else value
 
 
 def problems_of(
@@ -77,7 +89,9 @@ def problems_of(
     for key, value in table.items():
         if key in fields:
             inner = fields[key].type
-            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key), strict=strict)
+            config = getattr(inner, "__struct_config__", None)
+            is_table = config is not None and config.tag is None and not config.array_like
+            found += (problems_of if is_table else _problem)(value, inner, (*path, key), strict=strict)
         elif kind.__struct_config__.forbid_unknown_fields:
             listed = f"{takes} {', '.join(fields) or 'no parameters'}"
             found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
@@ -91,14 +105,6 @@ def problems_of(
 def _fields_of(kind: type[msgspec.Struct]) -> dict[str, msgspec.structs.FieldInfo]:
     """The fields of a type by key: msgspec resolves their annotations anew in each call, which takes 0.1 ms."""
     return {field.encode_name: field for field in msgspec.structs.fields(kind)}
-
-
-def _is_table(kind: Any) -> bool:
-    """Whether a key of this type holds a table of known keys."""
-    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
-        return False
-    config = kind.__struct_config__
-    return config.tag is None and not config.array_like
 
 
 def _problem(value: Any, kind: Any, path: KeyPath, *, strict: bool) -> list[Problem]:

@@ -20,9 +20,9 @@ _DIGITS = 6
 _LEAST_AREA = 5e-7
 """m²: less than half a square millimetre is a mistake, not a base."""
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-Negative = Annotated[float, msgspec.Meta(lt=0.0)]
-Speed = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
+_Acceleration = Annotated[float, msgspec.Meta(ge=_LEAST)]
+_Deceleration = Annotated[float, msgspec.Meta(le=-_LEAST)]
+_Speed = Annotated[float, msgspec.Meta(ge=_LEAST, le=1000.0)]
 
 
 class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -33,23 +33,22 @@ class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """
 
     footprint: Annotated[tuple[Point2, ...], msgspec.Meta(min_length=3, max_length=1000)] | None = None
-    max_vel_x: Speed | None = None
+    max_vel_x: _Speed | None = None
     min_vel_x: Annotated[float, msgspec.Meta(ge=-1000.0, le=0.0)] | None = None
-    max_vel_theta: Speed | None = None
-    acc_lim_x: Positive | None = None
-    decel_lim_x: Negative | None = None
-    acc_lim_theta: Positive | None = None
-    max_vel_y: Speed | None = None
-    acc_lim_y: Positive | None = None
-    decel_lim_reverse: Positive | None = None
-    wheelbase: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_EXTENT)] | None = None
+    max_vel_theta: _Speed | None = None
+    acc_lim_x: _Acceleration | None = None
+    decel_lim_x: _Deceleration | None = None
+    acc_lim_theta: _Acceleration | None = None
+    max_vel_y: _Speed | None = None
+    acc_lim_y: _Acceleration | None = None
+    decel_lim_reverse: _Acceleration | None = None
+    wheelbase: Annotated[float, msgspec.Meta(ge=_LEAST, le=MAX_EXTENT)] | None = None
 
     def __post_init__(self) -> None:
         if self.footprint is not None and not _is_outline(self.footprint):
             raise KeyValueError("footprint", f"must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
-        for name in LIMITS:
-            if 0.0 < abs(getattr(self, name) or 0.0) < _LEAST:
-                raise KeyValueError(name, f"must be {_LEAST:g} or more away from 0, not {getattr(self, name):g}")
+        if -_LEAST < (self.min_vel_x or 0.0) < 0.0:
+            raise KeyValueError("min_vel_x", f"give 0, or -{_LEAST:g} and less, not {self.min_vel_x:g}")
 
 
 LIMITS = tuple(name for name in BaseOverride.__struct_fields__ if name != "footprint")

@@ -14,17 +14,15 @@ from zteam.bus import Bus, Change
 from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock
 from zteam.config.fault import Fault
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.config.problems import problems_of
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
-from zteam.geometry import FAR
 from zteam.messages import Clock, MapMetaData, ns_from_time
 from zteam.messages.planar import pose2_of
-from zteam.names import MAX_ROBOT_ID
 
 T = TypeVar("T")
 
-RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 BOUNDARY_LIMIT = 60.0
 """Host seconds that a change waits for the open tick to end, which a hung participant may hold."""
 MAX_TICKS = 1_000_000_000_000
@@ -32,7 +30,6 @@ MIN_SPEED = 1e-6
 """Simulated seconds a second of the host, at least."""
 MAX_SPEED = 1e6
 """Simulated seconds a second of the host, at most."""
-Place = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 MAX_WAIT = 60.0
 """Host seconds that `sim/finish` and `sim/stand` wait at most."""
 ANSWER_LIMIT = 10.0
@@ -62,9 +59,9 @@ class SpeedRequest(Change):
 class SpawnRequest(Change):
     """`sim/spawn`: a further robot of a macro of the world's file, at x, y (m), yaw (rad) in `map`."""
 
-    x: Place
-    y: Place
-    yaw: Place = 0.0
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
     model: str = "erratic"
     id: RobotId | None = None
     """None: the lowest that is free."""
@@ -88,9 +85,9 @@ class MoveRequest(Change):
     """`sim/move`: lift a robot to x, y (m), yaw (rad) in `map`."""
 
     id: RobotId
-    x: Place
-    y: Place
-    yaw: Place = 0.0
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
     force: bool = False
     """As in `sim/spawn`."""
 

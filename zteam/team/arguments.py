@@ -2,41 +2,36 @@
 
 import functools
 import inspect
-import os
-from collections.abc import Callable, Iterable, Mapping
-from numbers import Integral, Real
+from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.bus import BusOptions
-from zteam.config.numbers import Seconds
+from zteam.config.numbers import RobotId, Seconds
+from zteam.config.problems import plain
 from zteam.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
-_HostSeconds = Annotated[float, msgspec.Meta(ge=1e-3, le=3600.0)]
-_Id = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-_Seed = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
-_Tick = Annotated[int, msgspec.Meta(ge=0, le=10**12)]
 ARGUMENTS: dict[str, tuple[Any, str]] = {
     "bus": (BusOptions, "BusOptions, such as BusOptions.from_environment()"),
     "chaos in_process lockstep": (bool, "True or False"),
     "expect processes": (list[str], "the names of processes, as a list"),
     "follow": (dict[int, int | str], "a dict by robot, as {1: 0}, where robot 1 follows robot 0"),
     "launch.arguments nodes run_team.arguments": (dict[str, Any], "a dict by name"),
-    "lockstep_timeout": (_HostSeconds, "host seconds from 0.001 to 3600"),
+    "lockstep_timeout": (Annotated[float, msgspec.Meta(ge=1e-3, le=3600.0)], "host seconds from 0.001 to 3600"),
     "map_resolution": (Annotated[float, msgspec.Meta(ge=1e-4, le=1e4)], "metres a cell from 0.0001 to 10000"),
     "name": (str, "the name of a process"),
     "params": (dict[int, dict[str, Any]], 'a dict by robot, as {0: {"speed": 0.2}}'),
-    "robot_id": (_Id, f"a robot id from 0 to {names.MAX_ROBOT_ID}"),
+    "robot_id": (RobotId, f"a robot id from 0 to {names.MAX_ROBOT_ID}"),
     "robots": (list[int], "a list of robot ids"),
     "run_team.chaos secure world": (str, "a path or a name"),
     "seconds timeout within": (Seconds, "seconds from 0 to 1e9"),
-    "seed": (_Seed, "a whole number of at most 64 bits"),
+    "seed": (Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)], "a whole number of at most 64 bits"),
     "start.robots": (int | str | list[int], 'a number of robots, a list of ids, or ids as text such as "0,2-4"'),
     "team text": (str, "a text"),
-    "tick until": (_Tick, "a tick, a whole number from 0"),
+    "tick until": (Annotated[int, msgspec.Meta(ge=0, le=10**12)], "a tick, a whole number from 0"),
 }
 """By names of arguments, `call.name` where a call differs: the type, and what is asked for. Defaults are right, too."""
 _ROWS = {name: row for words, row in ARGUMENTS.items() for name in words.split()}
@@ -63,7 +58,7 @@ def checks_arguments(place: str) -> Callable[[F], F]:
                 kind, wanted = _ROWS.get(f"{call}.{name}") or _ROWS.get(name) or (Any, "")
                 if wanted and value is not signature.parameters[name].default:
                     try:
-                        given.arguments[name] = msgspec.convert(_plain(value), kind)
+                        given.arguments[name] = msgspec.convert(plain(value), kind)
                     except msgspec.ValidationError:
                         raise UsageError(f"{place}{call}: {name} is {value!r:.60}: give {wanted}") from None
             return checked(*given.args, **given.kwargs)
@@ -71,14 +66,3 @@ def checks_arguments(place: str) -> Callable[[F], F]:
         return check  # type: ignore[return-value]
 
     return decorate
-
-
-def _plain(value: Any) -> Any:
-    """The value as msgspec reads it: it knows no numbers of numpy, no ranges and no paths."""
-    if isinstance(value, str | bool | os.PathLike):
-        return os.fspath(value) if isinstance(value, os.PathLike) else value
-    if isinstance(value, Real):
-        return int(value) if isinstance(value, Integral) else float(value)
-    if isinstance(value, Mapping):
-        return {_plain(key): _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, Iterable) else value

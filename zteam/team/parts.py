@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from zteam import names
+from zteam.config.numbers import counted
 from zteam.errors import UsageError
 from zteam.node.process_node import ClockMode, ProcessNode
 from zteam.node.process_options import (
@@ -107,7 +108,7 @@ def _navigation(options: NavigationOptions) -> Part:
     for note in notes:
         log.warning("%s", note)
     if unknown:
-        log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
+        log.warning("%s without effect: %s", counted(len(unknown), "unknown parameter"), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}
     return Part(lambda node: NavigationNode(node, parameters, bases, options.seed).run(), Node)
 

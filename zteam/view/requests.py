@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.errors import DecodeError
 from zteam.names import is_wildcard
-from zteam.simulator.client import MAX_SPEED, MAX_TICKS, Place, RobotId
+from zteam.simulator.client import MAX_SPEED, MAX_TICKS
 
 VERSION = 1
 MAX_BYTES = 64 * 1024
@@ -53,7 +54,7 @@ class Ack(Request, frozen=True):
 class Look(Request, frozen=True):
     """What the page shows now."""
 
-    viewport: Annotated[list[Place], msgspec.Meta(max_length=4)] = []
+    viewport: Annotated[list[Coordinate], msgspec.Meta(max_length=4)] = []
     """x and y of the lowest, then of the highest corner, in `map`; empty: everything."""
     layers: Annotated[list[Layer], msgspec.Meta(max_length=32)] = []
     beams: Annotated[int, msgspec.Meta(ge=1, le=4096)] = 360
@@ -104,18 +105,18 @@ class OfRobot(Command, frozen=True):
 class Placed(OfRobot, frozen=True):
     """Where a robot is, x, y (m), yaw (rad) in `map`: in the world (`move`), or for its localiser (`initialpose`)."""
 
-    x: Place
-    y: Place
-    yaw: Place
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate
 
 
 class Goal(Command, frozen=True):
     """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
 
     robots: Robots
-    x: Place
-    y: Place
-    yaw: Place
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate
 
 
 class CancelGoals(Command, frozen=True):
@@ -142,9 +143,9 @@ class Spawn(Command, frozen=True):
     """`sim/spawn`, and `up/start` for the new robot if there is a `behavior`."""
 
     model: Text
-    x: Place
-    y: Place
-    yaw: Place = 0.0
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
     behavior: Text = ""
 
 

@@ -37,7 +37,7 @@ def test_names_that_are_not_known_are_listed_once(caplog: pytest.LogCaptureFixtu
     with caplog.at_level(logging.WARNING, "zteam"):
         read("--ids", "0-3", "--param", "amcl.beam_skip_distance=0.5", "--param", "amcl.do_beamskip=false")
     assert [record.getMessage() for record in caplog.records] == [
-        "2 parameters are not known here and have no effect: amcl.beam_skip_distance, amcl.do_beamskip"
+        "2 unknown parameters without effect: amcl.beam_skip_distance, amcl.do_beamskip"
     ]
 
 

@@ -3,9 +3,13 @@
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 import pytest
 
-from zteam.config.problems import problems_of
+from zteam.config.problems import CheckedOptions, problems_of
+from zteam.config.simulation_options import Options
+from zteam.navigation.planning.costmap import CostmapOptions
+from zteam.navigation.planning.planner import AStarOptions
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):
@@ -38,3 +42,21 @@ class Table(msgspec.Struct, forbid_unknown_fields=True):
 def test_a_mistake_names_the_value_and_what_is_expected(table: dict[str, Any], told: str) -> None:
     """The words are those of a team file's author, not those of a type checker."""
     assert list(map(str, problems_of(table, Table))) == [told]
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "value", "kept"),
+    [
+        (Options, "odom_alphas", (np.float64(0.5),) * 4, (0.5,) * 4),
+        (Options, "odom_alphas", np.full(4, 0.5), (0.5,) * 4),
+        (AStarOptions, "tolerance", np.float32(0.5), 0.5),
+        (CostmapOptions, "lethal_cost_threshold", np.int64(100), 100),
+    ],
+)
+def test_options_take_numbers_of_numpy_and_keep_them_as_pythons_own(
+    kind: type[CheckedOptions], key: str, value: Any, kept: Any
+) -> None:
+    """Also within lists, since a process gets its options as bytes."""
+    options = kind(**{key: value})
+    assert getattr(options, key) == kept
+    assert msgspec.msgpack.encode(options) == msgspec.msgpack.encode(kind(**{key: kept}))

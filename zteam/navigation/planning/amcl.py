@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.map_files import FREE
-from zteam.config.numbers import Count, NotNegative, Positive, Share
+from zteam.config.numbers import Count, NotNegative, Positive, Share, Signed
 from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import FAR, Pose2, normalize_angle
@@ -42,10 +42,10 @@ _MATCHED_WITHIN = 1.0, 0.7
 _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
-_LATELY, _USUALLY, _WORSE = 8, 50, 0.75
-"""Updates: so many in a row whose scans fit the map worse than this share of how they usually do say that the robot is
-elsewhere; and over how many the usual fit is averaged. A robot put 5 m and more away in the shipped office has 0.6 of
-it in the median, one that knows its place 0.97 at least."""
+_LOST_UPDATES, _USUAL_UPDATES, _LOST_FIT = 8, 50, 0.75
+"""The robot is lost when each of the last updates fits the map worse than this share of the usual fit, an average over
+so many updates. A robot moved by 5 m or more in the shipped office has a median share of 0.6; one that knows its place
+has at least 0.97."""
 
 
 class AmclOptions(CheckedOptions, frozen=True):
@@ -65,7 +65,7 @@ class AmclOptions(CheckedOptions, frozen=True):
     z_rand: Share = 0.5
     sigma_hit: Positive = 0.2
     laser_likelihood_max_dist: Positive = 2.0
-    laser_max_range: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 100.0
+    laser_max_range: Signed = 100.0
     """Metres; a longer beam, or one of the laser's range_max, says nothing. 0 or less: range_max alone counts."""
     pf_err: Annotated[float, msgspec.Meta(ge=1e-3, le=1.0)] = 0.05
     pf_z: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.99
@@ -167,7 +167,7 @@ class Amcl:
         self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
         self._fits: list[float] = []
-        self._usual, self._looks = 0.0, 0
+        self._usual, self._fit_count = 0.0, 0
         # From where the next odometry is.
         self._odom, self._forced = None, True
 
@@ -175,17 +175,17 @@ class Amcl:
     def is_elsewhere(self) -> bool:
         """Whether the last scans fit the map much worse around `pose` than they did before: the robot was carried away,
         or much stands there that the map does not show."""
-        return self._looks > _LATELY and max(self._fits) < _WORSE * self._usual
+        return self._fit_count > _LOST_UPDATES and max(self._fits) < _LOST_FIT * self._usual
 
     def _match(self, field: LikelihoodField, beams: BeamEnds, pose: Floats) -> Floats:
         """The pose near this one (1, 3) where the beams fit best; how well they do is remembered."""
         fitting, fits = likelihood.match(field, pose, beams, *_FIRST_STEPS)
         if beams.shape[1]:
             fit = float(fits[0]) / (likelihood.UNITS * field.unit)
-            self._fits = [*self._fits[1 - _LATELY :], fit]
-            if fit >= _WORSE * self._usual:
-                self._looks += 1
-                self._usual += (fit - self._usual) / min(self._looks, _USUALLY)
+            self._fits = [*self._fits[1 - _LOST_UPDATES :], fit]
+            if fit >= _LOST_FIT * self._usual:
+                self._fit_count += 1
+                self._usual += (fit - self._usual) / min(self._fit_count, _USUAL_UPDATES)
         found: Floats = fitting[0]
         return found
 

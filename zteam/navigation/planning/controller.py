@@ -10,7 +10,7 @@ from typing import Annotated, Protocol
 import msgspec
 import numpy as np
 
-from zteam.config.numbers import NotNegative, Positive, Seconds
+from zteam.config.numbers import NotNegative, Positive, Seconds, Signed
 from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import FAR, Pose2, Velocity, curvature_to, normalize_angle
@@ -82,7 +82,7 @@ class PursuitOptions(CheckedOptions, frozen=True):
     rotate_to_heading_angular_vel: Positive = 1.8
     rotate_to_heading_min_angle: Annotated[float, msgspec.Meta(ge=0.01, le=math.pi)] = 0.785
     max_angular_accel: Positive = 3.2
-    max_robot_pose_search_dist: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 3.0
+    max_robot_pose_search_dist: Signed = 3.0
     """Metres of the path ahead in which the robot's place on it is looked for; 0 or less: the whole path."""
     xy_goal_tolerance: Positive = 0.25
     """Metres to the end of the path within which the robot only turns to the heading that is asked for."""

@@ -131,8 +131,9 @@ class Costmap:
             raise ValueError(f"inflation_radius {radius:g} is {cells}: at most {MAX_CELLS}")
         # By squared distance in cells, up to that of one cell beyond the radius.
         self._table = np.full((self._reach + 1) ** 2 + 1, FREE_SPACE, np.uint8)
+        inscribed, scale = footprint.inscribed_radius, self.options.cost_scaling_factor
         for square in range(self._reach**2 + 1):
-            self._table[square] = self._cost_at_distance(math.sqrt(square) * frame.resolution)
+            self._table[square] = inflated_cost(math.sqrt(square) * frame.resolution, inscribed, scale)
 
     def set_map(self, grid: GridMap) -> None:
         """Take the static layer from a map of the same frame. Raises ValueError for another one."""
@@ -215,9 +216,7 @@ class Costmap:
 
     def cost_of_distance(self, distance: float) -> int:
         """The cost of a cell at this distance (m) from an obstacle, or at the inflation radius if that is less."""
-        return self._cost_at_distance(min(max(distance, 1e-9), self.options.inflation_radius))
-
-    def _cost_at_distance(self, distance: float) -> int:
+        distance = min(max(distance, 1e-9), self.options.inflation_radius)
         return inflated_cost(distance, self.footprint.inscribed_radius, self.options.cost_scaling_factor)
 
     def cost_at(self, x: float, y: float) -> int:

@@ -10,14 +10,14 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, cast, get_args, get_type_hints
 
 import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.numbers import Coordinate, NotNegative, Positive
-from zteam.config.problems import CheckedOptions, KeyValueError, Problem, problems_of
+from zteam.config.numbers import Coordinate, NotNegative, Positive, Signed
+from zteam.config.problems import CheckedOptions, KeyValueError, Problem, plain, problems_of
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
 from zteam.kernels.navigation import MAX_CELLS
@@ -59,9 +59,6 @@ class Plugin(NamedTuple):
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
-_Signed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
-
-
 class FirstPose(CheckedOptions, frozen=True):
     """Where a robot is at first, in amcl's own parameters."""
 
@@ -69,7 +66,7 @@ class FirstPose(CheckedOptions, frozen=True):
     """Without it, a robot begins where the transforms say that it is."""
     x: Coordinate = msgspec.field(default=0.0, name="initial_pose.x")
     y: Coordinate = msgspec.field(default=0.0, name="initial_pose.y")
-    yaw: _Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
+    yaw: Signed = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
 class FakeOptions(CheckedOptions, frozen=True):
@@ -77,7 +74,7 @@ class FakeOptions(CheckedOptions, frozen=True):
 
     delta_x: Coordinate = 0.0
     delta_y: Coordinate = 0.0
-    delta_yaw: _Signed = 0.0
+    delta_yaw: Signed = 0.0
     """Metres and radians that are added to each pose."""
     noise_xy: NotNegative = 0.0
     noise_yaw: NotNegative = 0.0
@@ -98,7 +95,7 @@ class ControllerOptions(CheckedOptions, frozen=True):
     goal_checker_plugin: str = "general_goal_checker"
     """Where no list is given; until Humble, files had names of checkers in the place of lists."""
     controller_frequency: Positive = 20.0
-    failure_tolerance: Annotated[float, msgspec.Meta(ge=-1.0, le=1e6)] = 0.3
+    failure_tolerance: Signed = 0.3
     """Seconds that the controller may find no command before a recovery begins; below 0: without end."""
 
 
@@ -111,19 +108,23 @@ _SPEEDS = {
 """By limit of a Base: what DWB, MPPI, graceful and regulated pure pursuit controllers call it."""
 _UNLIMITED = 1000.0
 """The largest limit that can be given."""
+_BACKWARDS = "min_vel_x", "vx_min"
+"""Only what is below 0 of these limits a robot: with 0, its controller does not reverse, but its recoveries do."""
 _NAMES = [(name, Positive, _UNLIMITED) for row in _SPEEDS.values() for name in row]
+_NAMES += [(name, Signed, 0.0) for name in _BACKWARDS]
 SpeedOptions = msgspec.defstruct("SpeedOptions", _NAMES, bases=(CheckedOptions,), frozen=True)
 
 
-_Vector = tuple[Positive, _Signed, Positive]
+_Vector = tuple[Positive, Signed, Positive]
 _Backwards = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=0.0)]
+_Clockwise = Annotated[float, msgspec.Meta(ge=-_UNLIMITED, le=-1e-3)]
 
 
 class SmootherOptions(CheckedOptions, frozen=True):
     """Limits of Nav2's velocity_smoother: along x and y, and about z."""
 
     max_velocity: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
-    min_velocity: tuple[_Backwards, _Signed, _Signed] = (-_UNLIMITED, 0.0, 0.0)
+    min_velocity: tuple[_Backwards, Signed, _Clockwise] = (-_UNLIMITED, 0.0, -_UNLIMITED)
     max_accel: _Vector = (_UNLIMITED, 0.0, _UNLIMITED)
 
 
@@ -217,9 +218,11 @@ class Parameters(NamedTuple):
     def limits(self) -> Base:
         """A base whose limits all commands keep within."""
         (x, _, turn), (gain, _, turn_gain) = self.smoother.max_velocity, self.smoother.max_accel
-        found = {"max_vel_x": x, "max_vel_theta": turn, "acc_lim_x": gain, "acc_lim_theta": turn_gain}
+        back, _, clockwise = self.smoother.min_velocity
+        found = {"max_vel_x": x, "max_vel_theta": min(turn, -clockwise), "acc_lim_x": gain, "acc_lim_theta": turn_gain}
         least = {key: min(found[key], *(getattr(self.speed, name) for name in row)) for key, row in _SPEEDS.items()}
-        return Base(min_vel_x=self.smoother.min_velocity[0], **least)
+        lower = (getattr(self.speed, name) for name in _BACKWARDS)
+        return Base(min_vel_x=max(back, -least["max_vel_x"], *(speed for speed in lower if speed < 0.0)), **least)
 
     def make_controller(self, base: Base) -> Controller:
         """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
@@ -256,7 +259,7 @@ def navigation_of_robot(
     table: Mapping[str, Any], robot_id: int, folder: Path, source: str
 ) -> tuple[Parameters, list[str]]:
     """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`; and the names of those
-    that have no effect, `node.name` each, sorted.
+    that have no effect, sorted: `node.name`, or `name` if several nodes have it.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
     `ros__parameters`. Raises UsageError; `source` is what the table is called there.
@@ -338,8 +341,14 @@ def _read_parameters(
         ]
     if problems:
         raise UsageError("\n".join(dict.fromkeys(problems)))
-    every = {(node, name) for node, table in tables.items() for name in table}
-    return parameters, sorted(f"{node}.{name}" for node, name in every - taken)
+    ignored: dict[str, list[str]] = {}
+    for node, name in sorted({(node, name) for node, table in tables.items() for name in table} - taken):
+        ignored.setdefault(name, []).append(node)
+    # What a wildcard gives to all nodes is for the one that knows it.
+    for _, name in taken:
+        if all(name in tables.get(node, {}) for node in NODES):
+            ignored.pop(name, None)
+    return parameters, sorted(name if len(nodes) > 1 else f"{nodes[0]}.{name}" for name, nodes in ignored.items())
 
 
 def _products(parameters: Parameters) -> Iterator[tuple[str, str, float, float, str]]:
@@ -365,7 +374,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
     """Options with other values; or as they were, and what is wrong with the values."""
-    table, kind = {**msgspec.to_builtins(options), **values}, type(options)
+    table, kind = plain({**msgspec.to_builtins(options), **values}), type(options)
     problems = problems_of(table, kind)
     return options if problems else msgspec.convert(table, kind), problems
 
@@ -385,22 +394,20 @@ _OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
 }
 """Of each kind of plug-in: zteam's own, its class and its options."""
 _OF_NAV2 = {
-    "planner": re.compile(r"(?:smac_planner|nav2_(?!\w*controller)\w+)(?:::|[/:.])\w+"),
-    "controller": re.compile(r"(?:dwb_core|nav2_(?!\w*planner)\w+)(?:::|[/:.])\w+"),
+    "planner": re.compile(r"(?:smac_planner|nav2_\w+_planner)(?:::|[/:.])\w+"),
+    "controller": re.compile(r"(?:dwb_core|nav2_\w+_controller)(?:::|[/:.])\w+"),
 }
 """Names of Nav2's plug-ins, whose work zteam's own does here; files separate their parts by `::` or `/`."""
 
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     """A planner by its name. Raises UsageError."""
-    planner: Planner = _make("planner", name, parameters)
-    return planner
+    return cast(Planner, _make("planner", name, parameters))
 
 
 def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
     """A controller by its name. Raises UsageError."""
-    controller: Controller = _make("controller", name, parameters)
-    return controller
+    return cast(Controller, _make("controller", name, parameters))
 
 
 def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
@@ -442,6 +449,9 @@ def _read_plugin(
     key = f"{prefix}plugin"
     where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
     name = plugin_name(kind, given, f"{where}: ")
+    for shimmed in (f"{prefix}primary_controller", f"{prefix}{_SHIMMED}plugin"):
+        if name != given and shimmed in own:
+            plugin_name(kind, str(own[shimmed]), f"{place_of(place.node, shimmed)}: ")
     if name != _OWN[kind][0]:
         return Plugin(name, {name.removeprefix(prefix): value for name, value in own.items() if name != key}), own, []
     if given == name:
@@ -451,7 +461,7 @@ def _read_plugin(
 
 def _read_parameter_file(path: Path) -> list[_Node]:
     """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
+    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError, own="")
     nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
     if not nodes and table is not None:
         raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")

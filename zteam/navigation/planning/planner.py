@@ -173,7 +173,10 @@ class AStarPlanner:
         last = frame.cell_at(goal.x, goal.y)
         way = field.find_way(first, last, options.tolerance / frame.resolution)
         if way is None:
-            raise NoPathError(_reason(field, goal, last, options.tolerance))
+            where, near = f"the goal ({goal.x:.2f}, {goal.y:.2f})", f"within {options.tolerance:g} m of it"
+            if field.is_free(*last):
+                raise NoPathError(f"no way leads to {where}, nor to {near}")
+            raise NoPathError(f"{where} is in an obstacle or too close to one, and so is all {near}")
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
         points = frame.points_from_cells(field.shorten(way).astype(np.float64) + 0.5)
         # The middle of the first cell is left out where the start lies in that cell.
@@ -197,13 +200,6 @@ class AStarPlanner:
         barred = min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
         self._field.set_costs(costmap.costs, allow_unknown=self.options.allow_unknown, barred=barred)
         return self._field
-
-
-def _reason(field: Field, goal: Pose2, cell: tuple[int, int], tolerance: float) -> str:
-    where = f"({goal.x:.2f}, {goal.y:.2f})"
-    if not field.is_free(*cell):
-        return f"the goal {where} is in an obstacle or too close to one, and so is all within {tolerance:g} m of it"
-    return f"no way leads to the goal {where}, nor to within {tolerance:g} m of it"
 
 
 def make_path(points: Floats, yaw: float, spacing: float) -> Floats:

@@ -28,7 +28,6 @@ class RecoveryOptions(CheckedOptions, frozen=True):
     progress_radius: NotNegative = 1.0
     """Metres from the place of the last behaviour, from which on all may be tried again."""
     wait_duration: Seconds = 2.0
-    """Seconds."""
     clear_distance: NotNegative = 2.0
     """Metres around the robot."""
     backup_dist: NotNegative = 0.3

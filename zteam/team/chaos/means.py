@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -18,7 +18,7 @@ from zteam import names
 from zteam.bus import Bus, Change
 from zteam.clock import HOST_FACTOR
 from zteam.config.fault import KINDS, Fault, FaultKind
-from zteam.config.numbers import MAX_SECONDS, counted, parse_number
+from zteam.config.numbers import Seconds, counted, parse_number
 from zteam.config.problems import Problem, problems_of
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import stream, uniform
@@ -43,7 +43,6 @@ _PAUSE = 4.0, 10.0
 """Simulated seconds from the end of a random fault to the beginning of the next one: a team recovers meanwhile."""
 _DELAYS = 0.05, 1.6
 """Seconds of a random slow link."""
-_Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
 
 
 class SignalRequest(Change):
@@ -51,7 +50,7 @@ class SignalRequest(Change):
 
     name: str
     signal: SignalKind
-    seconds: _Seconds = 0.0
+    seconds: Seconds = 0.0
     """Host seconds after which a frozen process goes on by itself; 0 = never."""
 
 
@@ -75,7 +74,7 @@ class LinkRequest(Change):
 
     name: str
     wire: Wire = GOOD
-    seconds: _Seconds = 0.0
+    seconds: Seconds = 0.0
     """Host seconds after which it is a good one again by itself; 0 = never."""
 
 

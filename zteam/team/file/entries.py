@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from zteam import names
-from zteam.config.numbers import Coordinate
+from zteam.config.numbers import Coordinate, RobotId
 from zteam.config.problems import KeyValueError
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
@@ -19,10 +19,9 @@ NO_WORLD = "none"
 
 NO_BEHAVIOR = "none"
 """`behavior = "none"`: the team starts no process for the robot; a program of the user's own drives its base."""
+WITHOUT_PROCESS = ("behavior", "follow", "base", "model", "description")
+"""Keys of [defaults] that hold for such a robot too."""
 
-RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-# argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
-Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 Restart = Literal["no", "on-failure"]
 """Whether `zteam up` starts a process again that has failed."""
@@ -33,7 +32,8 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     world: Text | None = None
     """A path relative to the file, the name of a shipped world, or "none". Without it `zteam up` needs --world."""
-    seed: Seed = 1
+    # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 1
     world_robots: bool = True
     """False: leave the world's own robots out, and simulate only those that the team adds with a `pose`."""
     restart: Restart = "no"
@@ -80,9 +80,10 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             except TypeError:
                 text = "a parameter is a number, text, true, false, or an array or table of such"
                 raise KeyValueError(key, text) from None
-        needless = next(iter(self.params), "" if self.navigation is False else "navigation")
+        idle = {"navigation": False, "restart": None, "safety": True}
+        needless = [*self.params, *(key for key, default in idle.items() if getattr(self, key) != default)]
         if needless and not self.has_process:
-            raise KeyValueError(needless, 'a robot with behavior = "none" has no process that takes it; leave it out')
+            raise KeyValueError(needless[0], 'needs a process, and behavior = "none" starts none; leave it out')
         if self.follow is None and self.behavior == "follow":
             raise KeyValueError("behavior", "to follow needs a leader; say follow = ID instead")
         if "leader" in self.params and (self.follow is not None or self.behavior is None):

@@ -10,6 +10,7 @@ from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.team.file.entries import NO_BEHAVIOR, WITHOUT_PROCESS
 from zteam.team.file.sources import KeyPlace, Mistake, Table, merge
 
 PREVIOUS = "previous"
@@ -91,8 +92,9 @@ class Expansion:
     def _add_robot(self, table: Table, id_key: str, own: dict[str, Any]) -> None:
         """Add a robot with the keys of its table, `own` ones and defaults; `id_key` says its id."""
         base, given = Table(table.place), Table(table.place)
+        behavior = table.get("behavior", None if "follow" in table else self._defaults.get("behavior"))
         for key, value in self._defaults.items():
-            if key not in _OWN_KEYS and _takes(table, key):
+            if key not in _OWN_KEYS and _takes(table, key, behavior):
                 base.put(key, value, self._defaults.place_of(key))
         given.update({key: value for key, value in table.items() if key not in GROUP_KEYS} | own)
         robot, place = merge(base, given, depth=1), table.place.below(id_key)
@@ -127,8 +129,10 @@ class Expansion:
         self.mistakes.append(Mistake(table.place.below(key), text))
 
 
-def _takes(table: Mapping[str, Any], key: str) -> bool:
-    """Whether a default of this key may hold for the robot."""
+def _takes(table: Mapping[str, Any], key: str, behavior: Any) -> bool:
+    """Whether a default of this key may hold for the robot of a `behavior`."""
+    if behavior == NO_BEHAVIOR and key not in WITHOUT_PROCESS:
+        return False
     if key in ("behavior", "follow"):
         # One of them replaces the other.
         return "behavior" not in table and "follow" not in table

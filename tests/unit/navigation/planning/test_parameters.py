@@ -10,6 +10,7 @@ from support.installed_packages import install
 from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.messages.base import Base
+from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.parameters import FirstPose, Parameters, navigation_of_robot
 
 NAV2 = """
@@ -50,10 +51,15 @@ robot_2:
     ros__parameters: {alpha3: 0.7}
 """
 
+SHIM = (
+    "controller_server: {{ros__parameters: {{FollowPath: "
+    "{{plugin: 'nav2_rotation_shim_controller::RotationShimController', {}}}}}}}"
+)
+
 
 def read(folder: Path, text: str, robot_id: int = 1, **table: object) -> Parameters:
     """The parameters of a file with this text."""
-    (folder / "nav2_params.yaml").write_text(text)
+    (folder / "nav2_params.yaml").write_text(text, "latin-1")
     return navigation_of_robot({"params": "nav2_params.yaml", **table}, robot_id, folder, "navigation")[0]
 
 
@@ -101,10 +107,11 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
     """Sorted, with their nodes; the plugins that are here, and the lists of plugins, are known."""
     (tmp_path / "nav2_params.yaml").write_text(NAV2)
     table = {"params": "nav2_params.yaml", "amcl": {"beams": 3}}
-    unknown = navigation_of_robot(table, 1, tmp_path, "navigation")[1]
-    assert [name for name in unknown if not name.endswith(("alpha1", "alpha2"))] == [
-        "amcl.beams", "amcl.use_sim_time", "controller_server.precise.plugin",
-    ]  # fmt: skip
+    unknown = ["amcl.beams", "amcl.use_sim_time", "controller_server.precise.plugin"]
+    assert navigation_of_robot(table, 1, tmp_path, "navigation")[1] == unknown
+    (tmp_path / "nav2_params.yaml").write_text(f"{NAV2}\n'*': {{ros__parameters: {{use_sim_time: true}}}}")
+    unknown = ["amcl.beams", "controller_server.precise.plugin", "use_sim_time"]
+    assert navigation_of_robot(table, 1, tmp_path, "navigation")[1] == unknown
 
 
 @pytest.mark.parametrize(
@@ -183,6 +190,14 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "controller_server: {ros__parameters: {FollowPath: {plugin: 'nav2_navfn_planner::NavfnPlanner'}}}",
             "there is no controller 'nav2_navfn_planner::NavfnPlanner'",
         ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: 'nav2_controller::SimpleGoalChecker'}}}",
+            "FollowPath.plugin: there is no controller 'nav2_controller::SimpleGoalChecker'",
+        ),
+        (SHIM.format("primary_controller: 'teb::Planner'"), "FollowPath.primary_controller: there is no controller"),
+        (SHIM.format("primary_controller: {plugin: a::B}"), "FollowPath.primary_controller.plugin: there is no"),
+        ("<?xml version='1.0'?>\n<sdf version='1.8'/>", "nav2_params.yaml: this is a file of Gazebo"),
+        ("\x89PNG\r\n", "nav2_params.yaml: this is a picture"),
         ("[1, 2]", "has no parameters"),
         ("a: [", "nav2_params.yaml:1: not YAML: while parsing a flow node"),
         ("amcl: {alpha1: 0.3}", "has no parameters"),
@@ -267,6 +282,35 @@ def test_a_controller_of_nav2_is_replaced_and_its_limits_hold(
     slower = f"{text}\nvelocity_smoother: {{ros__parameters: {{max_velocity: [0.1, 0.0, 0.3]}}}}"
     options = read(tmp_path, slower).make_controller(fast).options  # type: ignore[attr-defined]
     assert (options.desired_linear_vel, options.rotate_to_heading_angular_vel) == (0.1, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("controller", "smoother", "backwards", "turn"),
+    [
+        ("max_vel_x: 0.05, max_speed_xy: 0.05, min_vel_x: 0.0", "{}", -0.05, 1000.0),
+        ("max_vel_x: 0.5, min_vel_x: -0.1", "{min_velocity: [-0.3, 0.0, -0.2]}", -0.1, 0.2),
+        ("vx_max: 0.5, vx_min: -0.35", "{min_velocity: [-0.3, 0.0, -1.0], max_velocity: [1, 0, 0.7]}", -0.3, 0.7),
+        ("vx_min: -0.2", "{}", -0.2, 1000.0),
+    ],
+)
+def test_a_robot_reverses_and_turns_clockwise_no_faster_than_its_file_allows(
+    tmp_path: Path, controller: str, smoother: str, backwards: float, turn: float
+) -> None:
+    """Nor backwards faster than forwards; with a lowest speed of 0 recoveries still reverse, as in Nav2."""
+    text = f"controller_server: {{ros__parameters: {{FollowPath: {{{controller}}}}}}}"
+    limits = read(tmp_path, f"{text}\nvelocity_smoother: {{ros__parameters: {smoother}}}").limits
+    assert (limits.min_vel_x, limits.max_vel_theta) == (backwards, turn)
+
+
+def test_special_values_are_those_of_nav2(tmp_path: Path) -> None:
+    """However far below 0 they are."""
+    text = """
+amcl: {ros__parameters: {laser_max_range: -5.0}}
+controller_server: {ros__parameters: {failure_tolerance: -2.0, FollowPath: {max_robot_pose_search_dist: -2.0}}}
+"""
+    found = read(tmp_path, text)
+    assert (found.controller.failure_tolerance, found.pursuit.max_robot_pose_search_dist) == (-2.0, -2.0)
+    assert found.amcl.farthest == AmclOptions(laser_max_range=0.0).farthest
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,16 @@ MISTAKES = [
     *((f"{ROBOT}[[robots]]\nid = {value}", "4: robots[1].id") for value in ("'1'", "true", "1.0", "-1", "10000", "0")),
     (f"[[robots]]\nid = 1{'0' * 40}", "2: robots[0].id"),
     (f"{ROBOT}behavior = ''", "3: robots[0].behavior"),
-    *((f"{ROBOT}behavior = 'none'\n{key} = true", f"4: robots[0].{key}") for key in ("speed", "navigation")),
-    (f"{ROBOT}behavior = 'none'\nnavigation = {{}}", "4: robots[0].navigation"),
+    *(
+        (f"{ROBOT}behavior = 'none'\n{given}", f"4: robots[0].{given.split()[0]}")
+        for given in (
+            "speed = 1",
+            "navigation = true",
+            "navigation = {}",
+            "safety = false",
+            "restart = 'no'",
+        )
+    ),
     (f"{ROBOT}restart = 1", "3: robots[0].restart"),
     (f"{ROBOT}when = 1979-05-27", "3: robots[0].when"),
     (f"{ROBOT}x = 0xffffffffffffffffffff", "3: robots[0].x"),

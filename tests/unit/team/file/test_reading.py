@@ -152,6 +152,23 @@ def test_defaults_hold_where_a_robot_says_nothing(tmp_path: Path) -> None:
     assert (first.base.max_vel_x, first.restart) == (0.5, "on-failure")
 
 
+@pytest.mark.parametrize(
+    ("defaults", "table"),
+    [
+        (
+            'speed = 0.3\nnavigation = true\nsafety = false\nrestart = "on-failure"',
+            'id = 0\nbehavior = "none"',
+        ),
+        ('behavior = "none"\nspeed = 0.3\nnavigation = true', "id = 0"),
+    ],
+)
+def test_defaults_that_need_a_process_hold_for_robots_with_one(tmp_path: Path, defaults: str, table: str) -> None:
+    """A robot without one takes none of them, wherever its `behavior` stands; another robot takes them."""
+    team = load(tmp_path, f"[defaults]\n{defaults}\n" + robots(table, 'id = 1\nbehavior = "idle"'))
+    assert team.robots[0] == RobotEntry(id=0, behavior="none")
+    assert (team.robots[1].params, team.robots[1].navigation) == ({"speed": 0.3}, True)
+
+
 def test_all_may_follow_by_default(tmp_path: Path) -> None:
     """The first robot says what it does itself."""
     text = '[defaults]\nfollow = "previous"\n' + robots('id = 0\nbehavior = "wander"', 'ids = "1-2"')
