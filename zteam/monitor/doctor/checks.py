@@ -103,12 +103,11 @@ def check_readiness(facts: Facts) -> Iterator[Finding]:
 
 
 def check_strays(facts: Facts) -> Iterator[Finding]:
-    """Processes that publish transforms where only the aggregator does."""
-    sessions = {node.instance for node in facts.nodes if node.name == names.AGGREGATOR}
-    aggregator = {node.name for node in facts.nodes if node.instance in sessions}
+    """Programs that publish transforms past the aggregator. A node of zteam may: its frames may be of no robot."""
     writers = {writer for key in (names.TF, names.TF_STATIC) for writer in facts.writers.get(key, ())}
-    if strays := sorted(writers - aggregator):
-        text = f"{', '.join(strays)} publishes on tf or tf_static: those of a robot are due on robot_N/tf, …_static"
+    if strays := sorted(writers - facts.alive):
+        publish = f"publish{'es' * (len(strays) == 1)} on tf or tf_static"
+        text = f"{', '.join(strays)} {publish}: transforms of a robot are due on robot_N/tf and robot_N/tf_static"
         yield problem("transforms", text, "give each zenoh-bridge-ros2dds the namespace /robot_N, or rename its topics")
 
 
@@ -124,7 +123,7 @@ def check_bases(facts: Facts) -> Iterator[Finding]:
         if parent not in {*frames, *names.GLOBAL_FRAMES} and not is_told:
             step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
             step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
-            yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
+            yield problem("transforms", f"{child} hangs on {parent}, which has no parent frame", step)
 
 
 def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
@@ -139,7 +138,7 @@ def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
     if facts.frames is None or facts.lacks(robot_id) or (status is not None and status.speed):
         return None
     gap = _gap(facts.frames, robot_id)
-    return gap and problem("transforms", f"{robot} has no pose in map: no process says {gap[0]}", gap[1])
+    return gap and problem("transforms", f"{robot} has no pose in map: no process publishes {gap[0]}", gap[1])
 
 
 def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
