@@ -46,6 +46,8 @@ class ProcessInfo(msgspec.Struct):
     version: _Text = ""
     now: _Moment = 0
     """The host's clock when it answered, in nanoseconds since the Unix epoch."""
+    is_users: bool = False
+    """Whether it runs a `zteam.Node` of a user's own."""
 
     @property
     def age(self) -> float:
@@ -57,8 +59,8 @@ class ProcessInfo(msgspec.Struct):
         return (self.start, self.instance) < (start, instance)
 
 
-def own_info(name: str, instance: str, start: int) -> ProcessInfo:
-    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns())
+def own_info(name: str, instance: str, start: int, is_users: bool = False) -> ProcessInfo:
+    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns(), is_users)
 
 
 def find_processes(bus: Bus, name: str = "*", *, timeout: float = 2.0) -> list[ProcessInfo]:
@@ -76,6 +78,7 @@ class Claim:
     def __init__(self, bus: Bus, name: str) -> None:
         self._bus = bus
         self.name = name
+        self.is_users = False
         self.start = wall_ns()
         self._instance = f"{self.start:020d}-{bus.instance}"
         self._changed = threading.Condition()
@@ -90,7 +93,10 @@ class Claim:
         self._token: Closeable | None = None
         self._released = False
         self._server = bus.serve(
-            names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, self.start), at_once=True
+            names.info_key(name),
+            NoRequest,
+            lambda _: own_info(name, bus.instance, self.start, self.is_users),
+            at_once=True,
         )
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""

@@ -56,7 +56,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
-    own = {node.instance for node in nodes if kinds.kind_of(node.name) is None}
+    own = {node.instance for node in nodes if node.is_users}
     subscribed = {each.key for each in graph.declarations if not each.publishes and each.session in own}
     frames = find_frames(bus)
     lasers = {
