@@ -335,8 +335,9 @@ class Node(ProcessNode):
         own = UserStep(self, step, period)
         self.adopt(own.act, own, readiness, status)
         self.become_present()
+        when = "in lock-step: in the first tick at or after it"
         waits = ": waiting for the monitor's GO" if gate else ""
-        log.info("node %s, a step every %g s (in lock-step: in the first tick at or after it)%s", self.name, period, waits)
+        log.info("node %s, a step every %g s (%s)%s", self.name, period, when, waits)
         self.drive(self.look)
 
     def adopt(
@@ -434,10 +435,11 @@ class Node(ProcessNode):
         with self.lock:
             is_released = self.readiness.take(lacking, epoch)
             if self.status is not None and not was_released:
+                # The monitor logs GO, which robots are ready, and what the others lack.
                 if is_released:
-                    log.info("GO: driving")
+                    if not self.in_team:
+                        log.info("GO: driving")
                 elif self.in_team and (self.readiness.is_ready or self.team.state != TeamState.GO):
-                    # The monitor logs which robots are ready, and what the others lack.
                     self.status.publish_change()
                 else:
                     self.status.tell()

@@ -227,7 +227,7 @@ def test_a_node_is_told_of_keys_that_nothing_publishes(
 def test_a_fast_lock_step_tells_of_keys_that_nothing_publishes(
     hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """As a warning, after 5 simulated seconds and not before, also to a robot's own node, which the doctor knows by its answer."""
+    """As a warning, after 5 simulated seconds and not before, also to a robot's own node, which says that it is one."""
     monkeypatch.setattr(node_module, "HEARTBEAT", 0.0)
     team = hub.bus()
     team.publisher("robot_0/odom", Odometry)

@@ -315,7 +315,7 @@ def _follow_step(facts: Facts, wrong: FollowProblem) -> str:
 
 
 def check_data(facts: Facts) -> Iterator[Finding]:
-    """Whether keys carry data, and whether each robot's process gets scans."""
+    """Whether keys carry data, also those that a user's node subscribes to, and whether robots get scans."""
     if not facts.writers:
         yield problem("data", "no key carries data", "start a simulator or a robot")
         return
@@ -330,10 +330,6 @@ def check_data(facts: Facts) -> Iterator[Finding]:
             guess = f"has robot {robot_id} a laser, and on {names.scan_key(robot_id, 0)}? see 'zteam topic list'"
             step = guess if _has_base(facts, robot_id) else _SOURCE
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
-
-
-def check_unpublished(facts: Facts) -> Iterator[Finding]:
-    """Keys to which a node of a user's own subscribes in vain."""
     for key, near in facts.unpublished.items():
         yield note("data", f"a node of your own subscribes to {key}, which nothing publishes{near}", "zteam topic list")
 
@@ -434,7 +430,6 @@ def check_strangers(facts: Facts) -> Iterator[Finding]:
 
 _HARMLESS = CLOCKS_APART + 0.5 * LATE
 """Seconds between two clocks that do not make a command late."""
-_SET_CLOCKS = "let one time server (NTP) set the clocks of both"
 
 
 def check_clocks(facts: Facts) -> Iterator[Finding]:
@@ -444,10 +439,10 @@ def check_clocks(facts: Facts) -> Iterator[Finding]:
             side = "ahead of" if clock.ahead > 0.0 else "behind"
             bound = f"within {1e3 * clock.error:.1f} ms"
             text = f"the clock of {host} is {abs(clock.ahead):.2f} s {side} this host's ({bound})"
-            if abs(clock.ahead) <= _HARMLESS:
-                yield note("clocks", f"{text}: only their logs do not fit together", _SET_CLOCKS)
-            else:
-                yield problem("clocks", f"{text}: commands may count as late", _SET_CLOCKS)
+            is_harmless = abs(clock.ahead) <= _HARMLESS
+            tell = note if is_harmless else problem
+            harm = "only their logs do not fit together" if is_harmless else "commands may count as late"
+            yield tell("clocks", f"{text}: {harm}", "let one time server (NTP) set the clocks of both")
 
 
 _CHECKS = (
@@ -466,7 +461,6 @@ _CHECKS = (
     check_readiness,
     check_silence,
     check_data,
-    check_unpublished,
     check_writers,
     check_map,
     check_refusals,
