@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import msgspec
+from msgspec.structs import replace
 
 from zteam import names
 from zteam.bus.bus import Bus, NoRequest
@@ -59,8 +60,8 @@ class ProcessInfo(msgspec.Struct):
         return (self.start, self.instance) < (start, instance)
 
 
-def own_info(name: str, instance: str, start: int, is_users: bool = False) -> ProcessInfo:
-    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns(), is_users)
+def own_info(name: str, instance: str, start: int) -> ProcessInfo:
+    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns())
 
 
 def find_processes(bus: Bus, name: str = "*", *, timeout: float = 2.0) -> list[ProcessInfo]:
@@ -78,8 +79,8 @@ class Claim:
     def __init__(self, bus: Bus, name: str) -> None:
         self._bus = bus
         self.name = name
-        self.is_users = False
         self.start = wall_ns()
+        self.info = own_info(name, bus.instance, self.start)
         self._instance = f"{self.start:020d}-{bus.instance}"
         self._changed = threading.Condition()
         self._alive: set[str] = set()
@@ -93,10 +94,7 @@ class Claim:
         self._token: Closeable | None = None
         self._released = False
         self._server = bus.serve(
-            names.info_key(name),
-            NoRequest,
-            lambda _: own_info(name, bus.instance, self.start, self.is_users),
-            at_once=True,
+            names.info_key(name), NoRequest, lambda _: replace(self.info, now=wall_ns()), at_once=True
         )
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""

@@ -326,7 +326,7 @@ class Node(ProcessNode):
         check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
         if not (isinstance(period, Real) and 0.0 <= period < math.inf):
             raise UsageError(f"node.run(step, period={period!r}): give the seconds between two steps, such as 0.1")
-        self.was_run, self.claim.is_users = True, names.navigated_robot_of(self.name) is None
+        self.was_run, self.claim.info.is_users = True, names.navigated_robot_of(self.name) is None
         status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
             self.follow_go()
@@ -389,7 +389,7 @@ class Node(ProcessNode):
 
         # A lock-step that is fast may soon be over, and one that waits for this node stands.
         is_late = self.clock.steady() - self.began >= to_ns(_SEARCH_AFTER)
-        if self.claim.is_users and self._unheard and (is_late or self._search.due()):
+        if self.claim.info.is_users and self._unheard and (is_late or self._search.due()):
             self._searching = threading.Thread(target=search, name="publishers", daemon=True)
             self._searching.start()
 

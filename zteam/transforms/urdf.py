@@ -131,16 +131,15 @@ def _read_xml(path: Path) -> ElementTree.Element:
     builder, parser, xacro = ElementTree.TreeBuilder(), expat.ParserCreate(), {"xacro"}
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        place, found = f"{path}:{parser.CurrentLineNumber}", [f"<{tag}>"]
-        for name, value in attributes.items():
-            kind, _, prefix = name.partition(":")
-            if kind == "xmlns" and value.rstrip("/").endswith(("/xacro", "#xacro")):
-                # Without a prefix: the element's own namespace.
-                xacro.add(prefix)
-            if "${" in value or "$(" in value or (prefix and kind in xacro):
-                found.append(f'{name}="{value}"')
-        if len(found) > 1 or tag.rpartition(":")[0] in xacro:
-            raise ConfigError(f"{place}: {found[-1]:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
+        place, items = f"{path}:{parser.CurrentLineNumber}", attributes.items()
+        declared = [name for name, value in items if value.rstrip("/").endswith(("/xacro", "#xacro"))]
+        # `xmlns` alone: the namespace of this element, whose tag has no prefix.
+        xacro.update(name[len("xmlns:") :] for name in declared if name.startswith("xmlns"))
+        of_xacro = [f'{name}="{value}"' for name, value in items if "${" in value or "$(" in value]
+        of_xacro += [name for name in attributes if ":" in name and name.partition(":")[0] in xacro]
+        of_xacro += [f"<{tag}>"] if tag.rpartition(":")[0] in xacro else []
+        if of_xacro:
+            raise ConfigError(f"{place}: {of_xacro[0]:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
         builder.start(tag, {**attributes, _PLACE: place})
 
     def refuse(*_: Any) -> None:
