@@ -116,7 +116,7 @@ def read_description(path: Path) -> Description:
         order = [*TopologicalSorter(above).static_order()]
     except CycleError as error:
         circle = error.args[1]
-        verb = "mimics" if circle[0] in joints else "hangs on"
+        verb = {"link": "hangs on", "joint": "mimics"}[circle[0][0]]
         text = f"it {verb} itself: {', '.join(name for _, name in circle):.60}"
         raise ConfigError(f"{_place(elements[circle[0]])}: {text}") from None
     return Description(tuple(joints[key] for key in order if key in joints))
