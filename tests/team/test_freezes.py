@@ -106,7 +106,7 @@ def test_a_freeze_of_a_launch_does_not_change_the_run(
             assert launcher.stdout is not None
             said = [launcher.stdout.readline()]
             # How many lines come before GO is chance, and after it few come until the end.
-            while len(said) < line and "GO: driving" not in said[-1]:
+            while len(said) < line and "All robots GO!" not in said[-1]:
                 said.append(launcher.stdout.readline())
             family = [launcher.pid, *descendants_of(launcher.pid)]
             assert launcher.poll() is None, said

@@ -37,14 +37,14 @@ def test_the_logs_of_a_team_are_read_in_one_place(team: TeamFixture) -> None:
     level; it refuses a name that no process has."""
     team.start("arena", robots=2, behavior="forward")
     team.wait_for_go()
-    team.wait_for_line("robot_1", "GO: driving")
+    team.wait_for_line("robot_1", "behaviour forward")
     told = once(team)
-    assert ("robot_1", "info", "GO: driving") in told
+    assert ("robot_1", "info", "behaviour forward") in told
     assert ("monitor", "info", "All robots GO!") in told
     assert any(process == "sim" and text.startswith("arena: ") for process, _, text in told)
     assert {process for process, _, _ in once(team, "robot_*")} == {"robot_0", "robot_1"}
     assert once(team, "-n", "2", "robot_1") == [line for line in told if line[0] == "robot_1"][-2:]
-    assert ("robot_1", "info", "GO: driving") not in once(team, "--level", "error")
+    assert ("robot_1", "info", "behaviour forward") not in once(team, "--level", "error")
 
     refused = team.command("log", "robto_1")
     assert refused.returncode == 1

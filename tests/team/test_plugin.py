@@ -196,7 +196,7 @@ def test_lines_are_live_without_capture(pytester: pytest.Pytester, option: str) 
         def test_lines(team):
             team.start("arena", 1)
             team.wait_for_go()
-            team.wait_for_line("robot_0", "GO: driving")
+            team.wait_for_line("robot_0", "behaviour ")
             print("TEST GOES ON")
         """
     )
@@ -205,6 +205,6 @@ def test_lines_are_live_without_capture(pytester: pytest.Pytester, option: str) 
     output = result.stdout.str()
     assert ("TEST GOES ON" in output) == (option == "-s")
     before = output.partition("TEST GOES ON")[0].splitlines()
-    lines = [line for line in before if "GO: driving" in line]
+    lines = [line for line in before if "behaviour " in line]
     assert len(lines) == (option == "-s")
     assert all(line.count("[robot_0]") == 1 for line in lines)

@@ -181,9 +181,9 @@ class Terminals:
         self._supervisor.start_job(name, Job(command, environment))
 
     def start_team(self, team: str = "arena") -> None:
-        """`zteam up`, until two robots drive."""
+        """`zteam up`, until its robots drive."""
         self.run("up", "zteam", "up", team)
-        self.wait(lambda: sum("GO: driving" in line for line in list(self.said["up"])) >= 2)
+        self.wait(lambda: any("All robots GO!" in line for line in list(self.said["up"])))
 
     def wait_for(self, name: str, text: str) -> str:
         """The first line of a command with this text."""
@@ -243,8 +243,8 @@ def echo_meets(lines: list[str], is_first: bool) -> bool:
 
 
 def log_meets(lines: list[str], is_first: bool) -> bool:
-    """It prints a line that comes at the end of the team's start."""
-    return any(f"[robot_{1 if is_first else 3}] GO: driving" in line for line in lines)
+    """It prints a line of a robot of the team."""
+    return any(f"[robot_{1 if is_first else 3}] behaviour " in line for line in lines)
 
 
 LEFT_OPEN = {

@@ -145,7 +145,7 @@ def test_ctrl_c_ends_it(tmp_path: Path, line: str) -> None:
     assert launcher.stdout is not None
     try:
         for told in launcher.stdout:
-            if "GO: driving" in told:
+            if "All robots GO!" in told:
                 break
         if line != "pass":
             for told in launcher.stdout:

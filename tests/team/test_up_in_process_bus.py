@@ -81,7 +81,7 @@ def test_tools_that_look_change_nothing(team: TeamFixture) -> None:
     assert "width:" in told(team, "topic", "echo", "map", "--once")
     assert "average rate" in told(team, "topic", "hz", "robot_0/odom", "--once")
     assert "stop_distance" in told(team, "param", "list", "robot_0")
-    assert "[robot_0] GO: driving" in told(team, "log", "--once")
+    assert "[robot_0] behaviour wander" in told(team, "log", "--once")
     assert "no problems" in told(team, "doctor")
     team.wait_for_line("view", "GO is out; 2 of 2 ready")
     told(team, "sim", "pause")

@@ -224,7 +224,7 @@ def near_keys(key: str, known: Collection[str]) -> str:
 
 def unpublished(graph: Graph, keys: Iterable[str], heard: Collection[str] = ()) -> dict[str, str]:
     """`: did you mean X?` or nothing, by each of these keys, wildcards too, that nothing publishes. Empty while no
-    robot's data is published. On the keys of `heard` messages have come."""
+    robot's data is published. `heard` are the keys on which messages were received."""
     published = {key for key in graph.known_keys() if graph.publishers(key)} | {*heard}
     robots = robots_of(published)
     found = {}

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import msgspec
+from msgspec.structs import replace
 
 from zteam import names
 from zteam.bus.bus import Bus, NoRequest
@@ -46,6 +47,8 @@ class ProcessInfo(msgspec.Struct):
     version: _Text = ""
     now: _Moment = 0
     """The host's clock when it answered, in nanoseconds since the Unix epoch."""
+    is_users: bool = False
+    """Whether it runs a `zteam.Node` of a user's own."""
 
     @property
     def age(self) -> float:
@@ -77,6 +80,7 @@ class Claim:
         self._bus = bus
         self.name = name
         self.start = wall_ns()
+        self.info = own_info(name, bus.instance, self.start)
         self._instance = f"{self.start:020d}-{bus.instance}"
         self._changed = threading.Condition()
         self._alive: set[str] = set()
@@ -90,7 +94,7 @@ class Claim:
         self._token: Closeable | None = None
         self._released = False
         self._server = bus.serve(
-            names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, self.start), at_once=True
+            names.info_key(name), NoRequest, lambda _: replace(self.info, now=wall_ns()), at_once=True
         )
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""

@@ -1,5 +1,4 @@
-"""How an error of a user's own code is shown: its traceback without the frames of zteam around it; and where code is
-that does not return."""
+"""Shows errors of a user's own code by a traceback without zteam's frames, and finds code that does not return."""
 
 import contextlib
 import faulthandler
@@ -59,9 +58,9 @@ def offer_stacks(name: str, stop: Stop) -> None:
     `stop` is not installed yet. The file's name ends with the process id. The process holds a lock on the file as long
     as it lives, so that its reader signals no other process.
 
-    The first signal is answered by a thread of Python, so the frames stay as they are while it writes. The second one
-    is answered also where all threads wait for one that hangs. Where they run, it may read a frame that has just ended,
-    and CPython crashes.
+    A thread of Python answers the first signal, and no frame changes while it writes. The second one is answered even
+    where all threads wait for one that hangs. Where they run, it may read a frame that has just ended, and CPython
+    crashes.
     """
     folder = os.environ.get(STACKS)
     if not folder:
@@ -80,8 +79,8 @@ def offer_stacks(name: str, stop: Stop) -> None:
 
 
 def where_it_is(folder: str, name: str) -> str:
-    """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none, or if
-    no process of this name has offered that in `folder`."""
+    """The call of the user's code that the process `name` is in, with its line and traceback. Empty without one, or if
+    no process of this name offers its stacks in `folder`."""
     found = [path for path in Path(folder).glob(f"{name}.*") if path.stem == name and _is_held(path)]
     if not found:
         return ""
@@ -148,8 +147,8 @@ def stacks_in(dump: str) -> dict[int, StackSummary]:
 
 
 def unreturned_calls(dump: str) -> dict[int, str]:
-    """The threads in what `faulthandler` wrote that are in a call of user's code by zteam, without those in a debugger:
-    the user's line in which the call is, and its traceback."""
+    """By thread in what `faulthandler` wrote: the call of a user's code by zteam, with its line and its traceback.
+    Threads in a debugger are left out."""
     found = {}
     for thread, stack in stacks_in(dump).items():
         # From the call that waits in zteam or in a library to the user's line, then up to what zteam has called.

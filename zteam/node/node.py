@@ -22,7 +22,6 @@ from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks, place_in
-from zteam.node.kinds import kind_of
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
@@ -40,7 +39,8 @@ Step = Callable[[int], Twist | None]
 HEARTBEAT = 1.0
 """Host seconds between two heartbeats."""
 _SEARCH_AFTER = 5.0
-"""Host seconds without a message after which a node looks whether anything publishes it."""
+"""Host seconds, or simulated seconds of its steps, without a message after which a node looks whether anything
+publishes it."""
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
 """What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
@@ -103,7 +103,7 @@ class UserStep:
     def _moments(self, now: int) -> Rate:
         if self._rate is None:
             # The first moment is now.
-            self._rate = Rate(to_ns(self._period), now - to_ns(self._period))
+            self._rate, self._node.began = Rate(to_ns(self._period), now - to_ns(self._period)), now
         return self._rate
 
     def take(self) -> int | None:
@@ -185,6 +185,8 @@ class Node(ProcessNode):
         """What it subscribes to and no message has come of, until it was found what publishes them."""
         self._search = Every(_SEARCH_AFTER)
         self._search.due()
+        self.began = math.inf
+        """Time (ns) of its first step."""
         self._searching: threading.Thread | None = None
         self.part = Participant(self)
         """Its part in lock-step."""
@@ -324,7 +326,7 @@ class Node(ProcessNode):
         check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
         if not (isinstance(period, Real) and 0.0 <= period < math.inf):
             raise UsageError(f"node.run(step, period={period!r}): give the seconds between two steps, such as 0.1")
-        self.was_run = True
+        self.was_run, self.claim.info.is_users = True, names.navigated_robot_of(self.name) is None
         status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
             self.follow_go()
@@ -333,8 +335,9 @@ class Node(ProcessNode):
         own = UserStep(self, step, period)
         self.adopt(own.act, own, readiness, status)
         self.become_present()
+        when = "in lock-step: in the first tick at or after it"
         waits = ": waiting for the monitor's GO" if gate else ""
-        log.info("node %s, a step every %g s (in lock-step in the next tick)%s", self.name, period, waits)
+        log.info("node %s, a step every %g s (%s)%s", self.name, period, when, waits)
         self.drive(self.look)
 
     def adopt(
@@ -382,11 +385,11 @@ class Node(ProcessNode):
                 if robots_of(each.key for each in graph.declarations if each.publishes) and not self.stopping:
                     unheard, self._unheard = self._unheard, set()
                     for key, near in unpublished(graph, unheard).items():
-                        # What has no near key may be sent now and then.
-                        log.log(logging.WARNING if near else logging.INFO, "nothing publishes %s%s", key, near)
+                        log.warning("nothing publishes %s%s", key, near)
 
-        is_users = self.was_run and (self.robot_id is not None or kind_of(self.name) is None)
-        if is_users and self._unheard and self._search.due():
+        # A lock-step that is fast may soon be over, and one that waits for this node stands.
+        is_late = self.clock.steady() - self.began >= to_ns(_SEARCH_AFTER)
+        if self.claim.info.is_users and self._unheard and (is_late or self._search.due()):
             self._searching = threading.Thread(target=search, name="publishers", daemon=True)
             self._searching.start()
 
@@ -432,10 +435,11 @@ class Node(ProcessNode):
         with self.lock:
             is_released = self.readiness.take(lacking, epoch)
             if self.status is not None and not was_released:
+                # The monitor logs GO, which robots are ready, and what the others lack.
                 if is_released:
-                    log.info("GO: driving")
+                    if not self.in_team:
+                        log.info("GO: driving")
                 elif self.in_team and (self.readiness.is_ready or self.team.state != TeamState.GO):
-                    # The monitor logs which robots are ready, and what the others lack.
                     self.status.publish_change()
                 else:
                     self.status.tell()

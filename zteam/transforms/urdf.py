@@ -91,7 +91,8 @@ def read_description(path: Path) -> Description:
         if element.tag in ("link", "joint"):
             key = element.tag, element.get("name", "")
             if not key[1] or key in elements:
-                raise ConfigError(f"{_place(element)}: {'there is another one' if key[1] else 'needs a name'}")
+                wrong = f"a second {element.tag} has this name" if key[1] else "needs a name"
+                raise ConfigError(f"{_place(element)}: {wrong}")
             elements[key] = element
     links = [name for tag, name in elements if tag == "link"]
     joints, above = dict[tuple[str, str], Joint](), dict[tuple[str, str], list[tuple[str, str]]]()
@@ -115,7 +116,8 @@ def read_description(path: Path) -> Description:
         order = [*TopologicalSorter(above).static_order()]
     except CycleError as error:
         circle = error.args[1]
-        text = f"it hangs on or mimics itself, over {', '.join(name for _, name in circle):.60}"
+        verb = {"link": "hangs on", "joint": "mimics"}[circle[0][0]]
+        text = f"it {verb} itself: {', '.join(name for _, name in circle):.60}"
         raise ConfigError(f"{_place(elements[circle[0]])}: {text}") from None
     return Description(tuple(joints[key] for key in order if key in joints))
 
@@ -129,13 +131,16 @@ def _read_xml(path: Path) -> ElementTree.Element:
     builder, parser, xacro = ElementTree.TreeBuilder(), expat.ParserCreate(), {"xacro"}
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        declared = [name for name, value in attributes.items() if value.rstrip("/").endswith("/xacro")]
-        xacro.update(name.removeprefix("xmlns:") for name in declared)
-        found = [value for value in attributes.values() if "${" in value or "$(" in value]
-        if found or (":" in tag and tag.partition(":")[0] in xacro):
-            place, what = f"{path}:{parser.CurrentLineNumber}", [*found, f"<{tag}>"][0]
-            raise ConfigError(f"{place}: {what:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
-        builder.start(tag, {**attributes, _PLACE: f"{path}:{parser.CurrentLineNumber}"})
+        place, items = f"{path}:{parser.CurrentLineNumber}", attributes.items()
+        declared = [name for name, value in items if value.rstrip("/").endswith(("/xacro", "#xacro"))]
+        # `xmlns` alone: the namespace of this element, whose tag has no prefix.
+        xacro.update(name[len("xmlns:") :] for name in declared if name.startswith("xmlns"))
+        of_xacro = [f'{name}="{value}"' for name, value in items if "${" in value or "$(" in value]
+        of_xacro += [name for name in attributes if ":" in name and name.partition(":")[0] in xacro]
+        of_xacro += [f"<{tag}>"] if tag.rpartition(":")[0] in xacro else []
+        if of_xacro:
+            raise ConfigError(f"{place}: {of_xacro[0]:.60} is of xacro, not of URDF: xacro {path.name} > robot.urdf")
+        builder.start(tag, {**attributes, _PLACE: place})
 
     def refuse(*_: Any) -> None:
         raise ConfigError(f"{path}:{parser.CurrentLineNumber}: a robot description defines no entities")

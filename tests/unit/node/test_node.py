@@ -1,5 +1,6 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import logging
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -13,8 +14,10 @@ from support.lockstep_doubles import HarnessFactory, ScriptedSimulator
 from support.log_capture import captured_log
 from support.played_node import play
 from support.transforms import stamped
+from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.bus.presence import find_processes
 from zteam.errors import BehaviorError, BusError, UsageError
 from zteam.messages import (
     Bool,
@@ -218,6 +221,28 @@ def test_a_node_is_told_of_keys_that_nothing_publishes(
         "nothing publishes robot_$*/odomm: did you mean robot_0/odom or robot_1/odom?",
         "nothing publishes robot_0/scan: did you mean robot_0/base_scan?",
     ]
+
+
+@pytest.mark.parametrize("name", ["watcher", "robot_4"])
+def test_a_fast_lock_step_tells_of_keys_that_nothing_publishes(
+    hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """As a warning, after 5 simulated seconds and not before, also to a robot's own node, which says that it is one."""
+    monkeypatch.setattr(node_module, "HEARTBEAT", 0.0)
+    team = hub.bus()
+    team.publisher("robot_0/odom", Odometry)
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("robot_0/scan", Odometry, lambda _key, _message: None)
+        node.run(lambda _now: None)
+
+    with captured_log() as log, run_node(main, hub, name=name) as running:
+        logging.getLogger("zteam").setLevel(logging.WARNING)
+        for tick in range(1, 53):
+            running.tick()
+            assert tick > 50 or log.count("nothing publishes") == 0
+        wait_until_true(lambda: log.count("nothing publishes robot_0/scan") == 1)
+        assert [info.is_users for info in find_processes(team, name)] == [True]
 
 
 @pytest.mark.parametrize("last", ["robot_1/odom", "tf"])

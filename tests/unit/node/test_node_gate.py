@@ -107,7 +107,7 @@ LACKS, IS_READY = f"boot: waiting for {ODOM}", "ready: waiting for the monitor's
 def test_a_robot_of_a_team_leaves_to_the_monitor_what_it_waits_for(
     team: Team, make: Make, in_team: bool, is_late: bool, told: list[str]
 ) -> None:
-    """Until GO; one that comes later logs what it lacks. A process started by hand logs that too, and the way out."""
+    """And GO; one that comes later logs what it lacks. A process started by hand logs all that, and the way out."""
 
     def script() -> Iterator[None]:
         if is_late:
@@ -116,12 +116,16 @@ def test_a_robot_of_a_team_leaves_to_the_monitor_what_it_waits_for(
         yield
         team.observe(1)
         yield
+        team.monitor.give_go(8)
+        team.pass_to(2)
+        yield
 
     node = make_robot(make)
     node.in_team = in_team
     with captured_log() as log:
         play(node, team.step, script(), gate=True)
     assert [line for line in log.lines if "waiting for" in line][1:] == told
+    assert (len(team.steps), log.count("GO: driving")) == (1, not in_team)
 
 
 @pytest.mark.usefixtures("patient")

@@ -103,12 +103,11 @@ def check_readiness(facts: Facts) -> Iterator[Finding]:
 
 
 def check_strays(facts: Facts) -> Iterator[Finding]:
-    """Processes that publish transforms where only the aggregator does."""
-    sessions = {node.instance for node in facts.nodes if node.name == names.AGGREGATOR}
-    aggregator = {node.name for node in facts.nodes if node.instance in sessions}
+    """Programs that publish transforms past the aggregator. A node of zteam may: its frames may be of no robot."""
     writers = {writer for key in (names.TF, names.TF_STATIC) for writer in facts.writers.get(key, ())}
-    if strays := sorted(writers - aggregator):
-        text = f"{', '.join(strays)} publishes on tf or tf_static: those of a robot are due on robot_N/tf, …_static"
+    if strays := sorted(writers - facts.alive):
+        publish = f"publish{'es' * (len(strays) == 1)} on tf or tf_static"
+        text = f"{', '.join(strays)} {publish}: transforms of a robot are due on robot_N/tf and robot_N/tf_static"
         yield problem("transforms", text, "give each zenoh-bridge-ros2dds the namespace /robot_N, or rename its topics")
 
 
@@ -124,7 +123,7 @@ def check_bases(facts: Facts) -> Iterator[Finding]:
         if parent not in {*frames, *names.GLOBAL_FRAMES} and not is_told:
             step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
             step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
-            yield problem("transforms", f"{child} hangs on {parent}, which hangs on nothing", step)
+            yield problem("transforms", f"{child} hangs on {parent}, which has no parent frame", step)
 
 
 def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
@@ -139,7 +138,7 @@ def _base_problem(facts: Facts, robot_id: int) -> Finding | None:
     if facts.frames is None or facts.lacks(robot_id) or (status is not None and status.speed):
         return None
     gap = _gap(facts.frames, robot_id)
-    return gap and problem("transforms", f"{robot} has no pose in map: no process says {gap[0]}", gap[1])
+    return gap and problem("transforms", f"{robot} has no pose in map: no process publishes {gap[0]}", gap[1])
 
 
 def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
@@ -316,7 +315,7 @@ def _follow_step(facts: Facts, wrong: FollowProblem) -> str:
 
 
 def check_data(facts: Facts) -> Iterator[Finding]:
-    """Whether keys carry data, and whether each robot's process gets scans."""
+    """Whether keys carry data, also those that a user's node subscribes to, and whether robots get scans."""
     if not facts.writers:
         yield problem("data", "no key carries data", "start a simulator or a robot")
         return
@@ -331,10 +330,6 @@ def check_data(facts: Facts) -> Iterator[Finding]:
             guess = f"has robot {robot_id} a laser, and on {names.scan_key(robot_id, 0)}? see 'zteam topic list'"
             step = guess if _has_base(facts, robot_id) else _SOURCE
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
-
-
-def check_unpublished(facts: Facts) -> Iterator[Finding]:
-    """Keys to which a node of a user's own subscribes in vain."""
     for key, near in facts.unpublished.items():
         yield note("data", f"a node of your own subscribes to {key}, which nothing publishes{near}", "zteam topic list")
 
@@ -435,7 +430,6 @@ def check_strangers(facts: Facts) -> Iterator[Finding]:
 
 _HARMLESS = CLOCKS_APART + 0.5 * LATE
 """Seconds between two clocks that do not make a command late."""
-_SET_CLOCKS = "let one time server (NTP) set the clocks of both"
 
 
 def check_clocks(facts: Facts) -> Iterator[Finding]:
@@ -445,10 +439,10 @@ def check_clocks(facts: Facts) -> Iterator[Finding]:
             side = "ahead of" if clock.ahead > 0.0 else "behind"
             bound = f"within {1e3 * clock.error:.1f} ms"
             text = f"the clock of {host} is {abs(clock.ahead):.2f} s {side} this host's ({bound})"
-            if abs(clock.ahead) <= _HARMLESS:
-                yield note("clocks", f"{text}: only their logs do not fit together", _SET_CLOCKS)
-            else:
-                yield problem("clocks", f"{text}: commands may count as late", _SET_CLOCKS)
+            is_harmless = abs(clock.ahead) <= _HARMLESS
+            tell = note if is_harmless else problem
+            harm = "only their logs do not fit together" if is_harmless else "commands may count as late"
+            yield tell("clocks", f"{text}: {harm}", "let one time server (NTP) set the clocks of both")
 
 
 _CHECKS = (
@@ -467,7 +461,6 @@ _CHECKS = (
     check_readiness,
     check_silence,
     check_data,
-    check_unpublished,
     check_writers,
     check_map,
     check_refusals,

@@ -56,9 +56,11 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
-    own = {node.instance for node in nodes if kinds.kind_of(node.name) is None}
+    own = {node.instance for node in nodes if node.is_users}
     subscribed = {each.key for each in graph.declarations if not each.publishes and each.session in own}
     frames = find_frames(bus)
+    needed = [kind for kind in kinds.KINDS if kind.on_bus and kind.hint]
+    is_complete = all(any(kind.includes(node.name) for node in nodes) for kind in needed)
     lasers = {
         key: wrong
         for key, (_, message) in newest.items()
@@ -94,7 +96,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
-        routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
+        routers={} if is_complete else at_other_routers(options, router_id),
     )
 
 
@@ -191,12 +193,6 @@ def _decode(
             if key not in newest or sample.timestamp > newest[key][0].timestamp:
                 newest[key] = sample, message
     return faults, newest
-
-
-def _is_complete(nodes: list[ProcessInfo]) -> bool:
-    """Whether a team has every kind of process that it needs."""
-    needed = [kind for kind in kinds.KINDS if kind.on_bus and kind.hint]
-    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in needed)
 
 
 def _elsewhere(options: BusOptions) -> dict[str, list[str]]:

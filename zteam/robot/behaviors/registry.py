@@ -103,8 +103,8 @@ _loaded: set[str] = set()
 
 
 def read_anew() -> None:
-    """Forget the user's loaded modules if one of them was edited since the last call: they are imported as they stand
-    now. A notebook is one process for many runs."""
+    """Forget the user's loaded modules if one was edited since the last call, so that the next import reads the files
+    again. A notebook is one process for many runs."""
     global _looked
     before, _looked = _looked, wall_ns()
     files = {name: getattr(sys.modules.get(name), "__file__", None) for name in _loaded - {"__main__"}}

@@ -10,12 +10,12 @@ from zteam.robot.view import View
 
 WHEEL_ANGLE = math.radians(45.0)
 """Of the steered wheels, at most: hardly a car turns them further."""
-SPEED = 0.2
-"""m/s of a move of such a turn."""
+SLOW, SPEED = 0.1, 0.2
+"""m/s of a move of such a turn, at least and at most."""
 MOVE = 0.6
 """Metres of one move; it ends before where something is in the way."""
-HAS_MOVED, WITHIN = 0.02, to_ns(0.4)
-"""Metres in so many nanoseconds: a robot that comes less far is stopped, and drives the other way."""
+HAS_MOVED, WITHIN = 0.02, 0.4
+"""Metres, and the seconds at full speed within which a robot that has moved less is stopped and drives back."""
 
 
 class Steering:
@@ -38,11 +38,13 @@ class Steering:
         place, now = view.odom.pose.pose.position, view.now
         at = place.x, place.y
         is_over = math.dist(at, self._from) > MOVE
-        if now - self._since >= WITHIN:
+        speed = max(SLOW, min(SPEED, abs(x))) if x else SPEED
+        # At first it slows down from the last move, then it gains speed.
+        turning = speed / -view.base.decel_lim_x + speed / view.base.acc_lim_x
+        if now - self._since >= to_ns(WITHIN + turning):
             is_over = is_over or math.dist(at, self._last) < HAS_MOVED
             self._last, self._since = at, now
         if not self._gear or is_over:
-            self._gear = -self._gear or 1.0
+            self._gear = -self._gear or (-1.0 if x < 0.0 else 1.0)
             self._from, self._last, self._since = at, at, now
-        speed = SPEED if not x else min(SPEED, abs(x))
         return limits.command_of(Velocity(self._gear * speed, 0.0, math.copysign(speed * sharpest, turn)))

@@ -29,7 +29,7 @@ log = logging.getLogger("zteam")
 
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
-ALONE = "nothing comes from its base (or zteam-sim WORLD)"
+ALONE = "no data from its base (no simulator: zteam-sim WORLD)"
 
 
 class SafetyLog:
@@ -52,11 +52,9 @@ class SafetyLog:
             if not self._began or (stands and not self._stands):
                 self.stops += not self._began
                 self._began, self._stands = self._began or now, stands
-                if stands:
-                    wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
-                    log.info("safety: stopped %s (%.2f m/s): %s", wanting, wanted.linear.x, trouble)
-                else:
-                    log.info("safety: %s slowly: %s", "backs up" if wanted.linear.x < 0.0 else "drives", trouble)
+                wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
+                text, speed = "safety: %s %s (%.2f m/s): %s", wanted.linear.x or wanted.linear.y
+                log.info(text, "stopped" if stands else "slowed", wanting, speed, trouble)
         elif self._began and wanted.linear.x:
             self._free = self._free or now
             if now - self._free >= FREE_AFTER:

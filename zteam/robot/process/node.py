@@ -279,8 +279,8 @@ def run_robot(
     leader = robot.driver.behavior.leader
     behind = "" if leader is None else f" behind {names.robot_name(leader)}"
     go = "then for the monitor's GO" if options.gate else "not for GO (--no-gate)"
-    waits = "" if node.in_team else f": waiting for its data, {go}"
-    log.info("robot %d, behaviour %s%s%s", options.robot_id, options.behavior, behind, waits)
+    does = f"behaviour {options.behavior}{behind}"
+    log.info("%s", does if node.in_team else f"robot {options.robot_id}, {does}: waiting for its data, {go}")
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
     node.drive(robot.beat)

@@ -404,6 +404,15 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         team_facts(writers={**WRITERS, "tf": ["tf", "a client"], "tf_static": ["tf"], "robot_0/tf": ["base_0"]}),
         "problem transforms: a client publishes on tf or tf_static: … -> … the namespace /robot_N, or rename its …",
     ),
+    "transforms of two programs": (
+        team_facts(writers={**WRITERS, "tf": ["session b", "session a"]}),
+        "problem transforms: session a, session b publish on tf or tf_static: … -> …",
+    ),
+    "a frame of no robot": (
+        team_facts(
+            nodes=nodes("bird", "monitor", "robot_0", "robot_1", "sim", "tf"), writers={**WRITERS, "tf": ["tf", "bird"]}
+        ),
+    ),
     "an aggregator with several names": (
         team_facts(
             nodes=[*nodes("monitor", "robot_0", "robot_1", "sim"), ProcessInfo("sim", "h", 1, 1, "one"),

@@ -30,6 +30,25 @@ def drive(wanted: Twist, seconds: float, walls: tuple[float, float] = (-math.inf
     return way
 
 
+@pytest.mark.parametrize("acceleration", [math.inf, 0.5, 0.2, 0.1])
+@pytest.mark.parametrize(("x", "first"), [(0.0, 1.0), (0.01, 1.0), (-0.3, -1.0)])
+def test_a_base_that_gains_speed_slowly_turns(acceleration: float, x: float, first: float) -> None:
+    """In few moves, however slow it is to be; the first one goes the way that is wanted."""
+    car = replace(CAR, acc_lim_x=acceleration, decel_lim_x=-acceleration)
+    steering, at, motion, gears, turned = Steering(), Pose2(0.0, 0.0, 0.0), Velocity(), [], 0.0
+    for tick in range(1, 600):
+        view = make_view(now=tick * TICK, base=car, odom=make_odometry(at))
+        command = steering.drive(view, Twist(Vector3(x), Vector3(z=1.0)))
+        gears.append(math.copysign(1.0, command.linear.x))
+        wanted = limits_of(car).motion_of(command)
+        assert wanted is not None
+        motion = limits_of(car).approach(wanted, motion, 0.1)
+        at, turned = at.compose(place_after(motion, 0.1)), turned + 0.1 * motion.turn
+    assert gears[0] == first
+    assert sum(a != b for a, b in pairwise(gears)) < 30
+    assert turned > 2.0 * math.pi
+
+
 def test_a_bend_that_it_can_drive_is_driven() -> None:
     """The same speed and the same turn rate, forward and back."""
     for speed in (0.4, -0.4):

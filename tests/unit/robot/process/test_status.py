@@ -34,7 +34,7 @@ from zteam.robot.process.driver import SafetyLog
 
 Start = Callable[..., RealTimeRobot]
 STOPPED = "stopped (zteam stop --release)"
-ALONE = ": nothing comes from its base (or zteam-sim WORLD)"
+ALONE = ": no data from its base (no simulator: zteam-sim WORLD)"
 
 
 class EveryBeat:
@@ -354,8 +354,12 @@ def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
         unseen = Reason("it cannot see behind", slows=True)
         back = Twist(Vector3(-0.4))
         note(90, 98, back, lambda tick: unseen if tick < 94 else "robot_2 behind", RobotDriver.TELEOP)
+        note(98, 120, ahead, lambda _: "")
+        note(120, 121, Twist(Vector3(y=0.2)), lambda _: Reason("it cannot see left", slows=True))
     assert log.lines[2:] == [
-        "safety: backs up slowly: it cannot see behind",
+        "safety: slowed teleop (-0.40 m/s): it cannot see behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
+        "safety: the way is free again after 0.8 s",
+        "safety: slowed forward (0.20 m/s): it cannot see left",
     ]
-    assert safety.stops == 2
+    assert safety.stops == 3
