@@ -230,8 +230,6 @@ FACING, FACED = 1.2, 2.0
 """Metres from the head within which a robot begins to stand face to face with it, and beyond which it does no more."""
 FACED_FOR = to_ns(4.0)
 """Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
-STRAY = 0.4
-"""m/s at which a robot drives off its way."""
 
 
 class BoxedIn:
