@@ -8,6 +8,7 @@ from msgspec import structs
 from studies.on_time import run_on_time
 from zteam.simulator.client import SimReport
 from zteam.team.launch.plan import Pace, TeamLaunch
+from zteam.team.run.team_run import RunState
 from zteam.team.testing.team import TeamFixture
 
 REAL_TIME = pytest.param("real time", marks=[pytest.mark.real_time, pytest.mark.ci])
@@ -20,8 +21,8 @@ class RealTimeTeam(TeamFixture):
 
     speed = 1.0
 
-    def _launch(self, launch: TeamLaunch, in_process: bool, nodes: Any = None) -> None:
-        super()._launch(structs.replace(launch, pace=Pace(f"{self.speed:g}")), in_process=False)
+    def _launch(self, launch: TeamLaunch, nodes: Any, in_process: bool, chaos: bool) -> None:
+        super()._launch(structs.replace(launch, pace=Pace(f"{self.speed:g}")), nodes, False, chaos)
 
     def run_test(self, item: pytest.Function) -> bool:
         """Call the test, and again at half the speed if its steps came late; then fail if they come late again."""
@@ -36,6 +37,9 @@ class RealTimeTeam(TeamFixture):
                 item.obj(**{name: item.funcargs[name] for name in item._fixtureinfo.argnames})
                 self.check_at_end()
             except Exception as error:
+                if self._run.state is RunState.NEW:
+                    # There is no run to judge.
+                    raise
                 failure = error
             return failure, self.report
 

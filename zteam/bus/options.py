@@ -28,11 +28,13 @@ DEFAULT_TLS_ENDPOINT = "tls/127.0.0.1:7447"
 FROM_STDIN = "-"
 """`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
 process can start and import meanwhile."""
+_PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws")
+"""Of Zenoh, with a host and a port."""
 _ENDPOINT = re.compile(
-    r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?P<host>\[?[\w:.%-]*?\]?)(?:(?<!:):(?P<port>[^:?#/\\]*))?[/\\]*"
-    r"(?P<rest>(?:[?#].*)?)"
+    r"(?:(?P<protocol>[A-Za-z-]+)(?::?[/\\]+|:(?=.*:)))?(?:[^/@]*@)?(?P<host>\[?[\w:.%-]*?\]?)"
+    r"(?:(?<!:):(?P<port>[^:?#/\\]*))?(?:(?<=[\w.:\]])(?:[/\\]+[^\s:?#/\\]*)+)?[/\\]*(?P<rest>(?:[?#].*)?)"
 )
-"""As people write it: tcp://HOST:PORT, tcp:HOST:PORT, HOST:PORT, HOST, PORT."""
+"""As people write it: tcp://HOST:PORT, tcp:HOST:PORT, HOST:PORT, HOST, PORT, http://USER@HOST:PORT/PATH."""
 
 RELEASE = service_key("@router", "release")
 """Query to a router on demand, a ReleaseRequest: whether it gives its port up."""
@@ -215,24 +217,27 @@ def default_endpoint(tls: TlsFiles | None) -> str:
 
 def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     """The endpoint itself. Raises UsageError with the form that is probably meant, where Zenoh would only wait."""
-    if tls is None and re.match("unixsock-stream/.", endpoint):
+    if tls is None and re.match("(unixsock-stream|unixpipe|serial|vsock)/.", endpoint):
         return endpoint
-    found = _ENDPOINT.fullmatch(re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'")))
-    if found is None:
+    text = re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'"))
+    found = _ENDPOINT.fullmatch(re.sub(r"\s+(?=\d+$)", ":", text))
+    protocol, host, port, rest = found.group("protocol", "host", "port", "rest") if found else ("?", "", None, "")
+    if not protocol and host.lower() in _PROTOCOLS:
+        protocol, host, port = host, port or "", None
+    host, protocol = host.strip("[]"), (protocol or "tcp").lower()
+    protocol = "tcp" if protocol in ("http", "https", "zenoh") else protocol
+    if protocol not in _PROTOCOLS:
         raise UsageError(f"endpoint {endpoint!r}: give one PROTOCOL/ADDRESS, such as {default_endpoint(tls)}")
-    host, port = found["host"].strip("[]"), found["port"]
-    if port is None:
+    if not port:
         host, port = ("", host) if host.isdigit() else (host, "7447")
+    told = "give PROTOCOL/ADDRESS, such as"
+    if tls is not None:
+        protocol, told = "tls", f"with {TLS_VARIABLES[0]} it must be"
     try:
         parse_number(port, 0, 65535, "a port")
     except UsageError as error:
-        raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
-    protocol, told = (found["protocol"] or "").lower(), "give PROTOCOL/ADDRESS, such as"
-    if tls is not None:
-        protocol, told = "tls", f"with {TLS_VARIABLES[0]} it must be"
-    elif protocol not in ("tcp", "tls", "udp", "quic", "ws"):
-        protocol = "tcp"
-    meant = f"{protocol}/{f'[{host}]' if ':' in host else host or '127.0.0.1'}:{port}{found['rest']}"
+        port, told = "7447", f"port {error}, as in"
+    meant = f"{protocol}/{f'[{host}]' if ':' in host else host or '127.0.0.1'}:{port}{rest}"
     if meant != endpoint:
         raise UsageError(f"endpoint {endpoint!r}: {told} {meant}")
     return endpoint
@@ -262,7 +267,7 @@ def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
 def check_namespace(namespace: str, source: str) -> str:
     """The namespace without slashes at its ends, or two in a row. Raises UsageError that names its `source`."""
     parts = list(filter(None, namespace.split("/")))
-    if any(part.startswith("@") or any(c in "*$?#" or c.isspace() for c in part) for part in parts):
+    if not all(re.fullmatch(r"[\w-]+", part) for part in parts):
         raise UsageError(f"{source} {namespace!r}: use letters, digits, '_', '-' and '/'")
     return "/".join(parts)
 

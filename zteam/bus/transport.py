@@ -57,7 +57,8 @@ def decode_json(payload: bytes, kind: type[T]) -> T:
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 _SYNTAX = re.compile(r"--> (?P<line>\d+):(?P<column>\d+) .* = (?P<text>.*)")
 _MESSAGE = re.compile(
-    r"\b(?:msg|message): (?P<text>\"(?:[^\"\\]|\\.)*\")(?:.*line: (?P<line>\d+), column: (?P<column>\d+))?"
+    r"\b(?:msg: |message: |problem: |Error\()(?P<text>\"(?:[^\"\\]|\\.)*\")"
+    r"(?:.*?line: (?P<line>\d+), column: (?P<column>\d+))?"
 )
 
 
@@ -76,13 +77,19 @@ def problem_of(key: str) -> str:
     problem = _fault_of(key)
     if not problem:
         return ""
-    # Each robot is a part of its own, and users of ROS begin a topic with a slash.
-    meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
-    hint = f": write {meant!r}" if meant and not _fault_of(meant) else ""
+    # Users of ROS begin a topic with a slash; a wildcard within a part is $*.
+    parts = [re.sub(r"(\$?\*)+", "$*", each) if each.strip("*") else each for each in map(str.strip, key.split("/"))]
+    try:
+        meant = zenoh.KeyExpr.autocanonize("/".join("*" if each == "$*" else each for each in parts if each))
+        hint = f": write {str(meant)!r}"
+    except zenoh.ZError:
+        hint = ""
     return f"{key!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}"
 
 
 def _fault_of(key: str) -> str:
+    if key != key.strip():
+        return "spaces at its ends would be a part of it"
     try:
         zenoh.KeyExpr(key)
     except zenoh.ZError as error:
@@ -99,6 +106,8 @@ def check_use(action: str, key: str, closed: bool) -> None:
     """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
     if closed:
         raise BusError(f"cannot {action} {key}: the session is closed")
+    if not isinstance(key, str):
+        raise KeyExpressionError(f"{key!r:.60} is no text: give a key such as 'robot_0/odom'")
     if problem := problem_of(key):
         raise KeyExpressionError(problem)
 

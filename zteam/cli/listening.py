@@ -8,12 +8,12 @@ from contextlib import closing, contextmanager
 
 from zteam.bus import Bus, connect
 from zteam.bus.graph import SURVEY, find_graph, near_keys
-from zteam.bus.transport import problem_of
+from zteam.bus.transport import check_use
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import add_option, bus_options
 from zteam.clock import wait_until
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import ZteamError
 from zteam.names import strip_slash
 from zteam.node.output import print_line
 
@@ -42,8 +42,7 @@ def open_bus(args: argparse.Namespace) -> Iterator[Bus]:
 def check_key(text: str) -> str:
     """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
     key = strip_slash(text)
-    if problem := problem_of(key):
-        raise UsageError(problem)
+    check_use("watch", key, False)
     return key
 
 

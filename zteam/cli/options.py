@@ -77,8 +77,12 @@ class Parser(argparse.ArgumentParser):
     def _unknown_words(self, words: Sequence[str]) -> str:
         """What to say of words that the command does not take."""
         told = []
-        # The word behind an unknown option is its value.
-        for name, _, value in (word.partition("=") for word in words if word.startswith("-")):
+        for word, behind in zip(words, [*words[1:], "-"], strict=True):
+            if not word.startswith("-"):
+                # The value of an unknown option.
+                continue
+            name, _, value = word.partition("=")
+            value = value or ("" if behind.startswith("-") else behind)
             hint = did_you_mean(name, self._option_string_actions, most=2, form=_DID_YOU_MEAN)
             if value and self.takes_assignments:
                 hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"

@@ -187,10 +187,11 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
         check_writable(Path(args.report))
     file = read_team_file(find_team(args.team), parse_arguments(args.arguments))
     set_map_resolution(file, args.map_resolution)
-    for name in {argument.name for argument in file.arguments} & {"speed", "seed", "world"}:
-        if getattr(args, name) is not None and not any(word.startswith(f"{name}=") for word in args.arguments):
-            text = "--%s is an option of zteam up; the team's argument of this name has no dashes: %s=%s"
-            log.info(text, name, name, getattr(args, name))
+    for name in {argument.name for argument in file.arguments} - {word.partition("=")[0] for word in args.arguments}:
+        action = args.parser._option_string_actions.get(f"--{name}")
+        if action is not None and (value := getattr(args, action.dest, action.default)) != action.default:
+            text = "--%s is an option of zteam up itself; the team's argument of this name has no dashes: %s=%s"
+            log.info(text, name, name, value)
     world = check_team(file, find_world(args.world) if args.world else None)
     if args.in_process and not args.bus:
         refuse_nodes(file, "say --bus too, or leave --in-process out")

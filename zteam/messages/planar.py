@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from numbers import Real
 from typing import Any
@@ -14,7 +15,8 @@ from zteam.messages.geometry_msgs import Point, Pose, PoseStamped, Quaternion, T
 from zteam.messages.std_msgs import ns_from_time
 
 log = logging.getLogger("zteam")
-_MAY_WARN = Every(60.0)
+_MAY_WARN: dict[int, Every] = defaultdict(lambda: Every(60.0))
+"""By robot."""
 
 
 def pose2_of(pose: Pose) -> Pose2:
@@ -62,14 +64,14 @@ def is_finite(pose: Pose) -> bool:
     return all(map(math.isfinite, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)))
 
 
-def checked_command(command: Any, what: str) -> Twist:
-    """`command`, returned by `what`. Raises BehaviorError if it is no velocity."""
+def checked_command(command: Any, what: str, robot_id: int) -> Twist:
+    """`command` for a robot, returned by `what`. Raises BehaviorError if it is no velocity."""
     if isinstance(command, Twist):
         if isinstance(command.linear, Vector3) and isinstance(command.angular, Vector3):
             for speed in (command.linear.x, command.angular.z):
                 if not isinstance(speed, (float, Real)):
                     raise BehaviorError(f"{what} returned the speed {speed!r}; give numbers, m/s and rad/s")
-            if abs(command.angular.z) > math.tau and _MAY_WARN.due():
+            if abs(command.angular.z) > math.tau and _MAY_WARN[robot_id].due():
                 # Most likely its author means degrees; the base turns slower.
                 log.warning("%s: the turn rate %s", what, turn_problem(command.angular.z))
             return command

@@ -127,7 +127,7 @@ class UserStep:
         # In lock-step the next tick waits for it.
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
         if command is not None and self._node.robot_id is not None:
-            command = checked_command(command, f"{self._node.name}: step")
+            command = checked_command(command, f"{self._node.name}: step", self._node.robot_id)
         elif command is not None:
             if self._returned.due():
                 name, kind = self._node.name, type(command).__name__
@@ -203,7 +203,7 @@ class Node(ProcessNode):
 
         Raises UsageError for a wildcard, and for a type that a key of zteam does not carry.
         """
-        if names.is_wildcard(key) or len(key.split()) != 1:
+        if not isinstance(key, str) or names.is_wildcard(key) or len(key.split()) != 1:
             raise UsageError(
                 f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'"
             )
@@ -314,7 +314,7 @@ class Node(ProcessNode):
 
         return handle
 
-    def run(self, step: Step, *, period: float = 0.1, gate: bool = False) -> None:
+    def run(self, step: Step = None, period: float = 0.1, *, gate: bool = False) -> None:  # type: ignore[assignment]
         """Call `step(now)` every `period` seconds until the process is asked to stop, in lock-step in the first tick at
         or after each such moment. Raises what `step` raises.
 

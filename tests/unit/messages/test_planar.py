@@ -1,6 +1,7 @@
 """Poses of messages in the plane."""
 
 import math
+from collections import defaultdict
 
 import pytest
 
@@ -41,13 +42,15 @@ def test_a_pose_that_leans_keeps_its_heading() -> None:
 
 
 @pytest.mark.parametrize(("rate", "told"), [(45.0, 1), (-90.0, 1), (6.2, 0), (float("nan"), 0)])
-def test_a_turn_rate_in_degrees_is_told_once(rate: float, told: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_turn_rate_in_degrees_is_told_once_for_each_robot(
+    rate: float, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A rate above a full turn a second is most likely meant in degrees. It is handed on as it is."""
-    monkeypatch.setattr(planar_module, "_MAY_WARN", Every(60.0))
+    monkeypatch.setattr(planar_module, "_MAY_WARN", defaultdict(lambda: Every(60.0)))
     with captured_log() as log:
-        for _ in range(3):
-            assert checked_command(Twist(angular=Vector3(z=rate)), "Mine.step").angular.z is rate
-    assert log.count("Mine.step") == log.count("radians") == told
+        for robot in (0, 1, 0, 1):
+            assert checked_command(Twist(angular=Vector3(z=rate)), "Mine.step", robot).angular.z is rate
+    assert log.count("Mine.step") == log.count("radians") == 2 * told
 
 
 def tree() -> Buffer:

@@ -78,6 +78,18 @@ def yielding(*_: object) -> Iterator[None]:
 
 CALLS: list[tuple[Callable[[Any], object], str]] = [
     (lambda node: node.subscribe("robot_*/odom", Odometry, print), "write 'robot_$*/odom'"),
+    (lambda node: node.subscribe("robot*", Odometry, print), "write 'robot$*'"),
+    (lambda node: node.subscribe("**/**", Odometry, print), "write '**'"),
+    (lambda node: node.subscribe("*/**/*", Odometry, print), "write '*/*/**'"),
+    (lambda node: node.subscribe("a$*$*/$*", Odometry, print), "write 'a$*/*'"),
+    (lambda node: node.subscribe(" robot_0/odom", Odometry, print), "write 'robot_0/odom'"),
+    (lambda node: node.subscribe(None, Odometry, print), "None is no text"),
+    (lambda node: node.subscribe(5, Odometry, print, every_tick=True), "5 is no text"),
+    (lambda node: node.subscribe(5, Odometry, print, latched=True), "5 is no text"),
+    (lambda node: node.watch_tokens(None, print), "None is no text"),
+    (lambda node: node.publisher(None, Bool), "None is no key"),
+    (lambda node: node.run(), "write node.run(step)"),
+    (lambda node: node.run(print, -1.0), "period=-1.0): give the seconds"),
     (lambda node: node.subscribe("/robot_0/odom", Odometry, print), "write 'robot_0/odom'"),
     (lambda node: node.publisher("/planner//plan", Bool), "write 'planner/plan'"),
     (lambda node: node.publisher("plan/", Bool), "write 'plan'"),

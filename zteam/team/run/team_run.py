@@ -141,7 +141,8 @@ class TeamRun:
             self.supervisor.wake()
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
-        """Start a robot's process as the team's own were started, or end it; its name. The team does not need it."""
+        """Start a robot's process as the team's own were started, or end it; its name. The team needs only what was
+        planned."""
         name = names.robot_name(request.robot)
         job = robot_job(self.launch, request.robot, request.behavior) if request.behavior else None
         with self._start_lock:
@@ -150,15 +151,14 @@ class TeamRun:
             member = self.supervisor.members.get(name)
             if member is None and job is None:
                 raise BusError(f"zteam up has not started {name}")
-            if request.ends or name not in self.plan.jobs:
-                self.plan.optional |= {name}
-                self.plan.unawaited |= {name}
             if request.ends:
+                self._set_needed(name, False)
                 log.info("%s is ended on request", name)
                 self.supervisor.stop([name])
                 return name
             if (member is not None and member.running) or find_processes(tools, name):
                 raise BusError(f"{name} has a process already: end it first")
+            self._set_needed(name, name in self.plan.jobs)
             log.info("%s is started on request, %s", name, f"with behaviour {request.behavior}" if job else "as before")
             if job is None:
                 self.supervisor.restart(name)
@@ -166,6 +166,10 @@ class TeamRun:
                 job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
                 self.supervisor.start_job(name, job)
         return name
+
+    def _set_needed(self, name: str, needed: bool) -> None:
+        plan, change = self.plan, frozenset.difference if needed else frozenset.union
+        plan.optional, plan.unawaited = change(plan.optional, {name}), change(plan.unawaited, {name})
 
     def hurry(self) -> None:
         """Kill what does not stop at once: the user asked a second time."""

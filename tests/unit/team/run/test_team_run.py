@@ -258,6 +258,19 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
         third.start()
 
 
+def test_a_robot_of_the_team_is_needed_unless_it_was_ended_on_request(pretend: Pretend) -> None:
+    """When it is started again, the run needs it as before."""
+    with pretend.run(1.0) as run:
+        run.start()
+        asking = pretend.hub.bus()
+        for is_ended in (True, False):
+            start_robot(asking, 0, ends=is_ended)
+            assert (run.failed, "robot_0" in run.plan.unawaited) == (set(), is_ended)
+        run.supervisor.processes["robot_0"].kill()
+        assert run.supervisor.wait(lambda: "robot_0" in run.supervisor.ended, LIMIT)
+        assert run.failed == {"robot_0"}
+
+
 def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
     """Once: a second process of its name is refused. The team does not need it, and ends it on request too."""
     with pretend.run() as run:
