@@ -65,12 +65,14 @@ def _run(args: argparse.Namespace) -> None:
     print_block(format_table(("next", "does"), rows))
 
 
-def write_files(texts: Mapping[Path, str], *, overwrite: bool = False) -> None:
+def write_files(
+    texts: Mapping[Path, str], *, overwrite: bool = False, way_out: str = "choose another name, or remove the file"
+) -> None:
     """Write these files, or none if one of them exists. Raises UsageError for that, and ZteamError if it cannot."""
     try:
         for path in () if overwrite else texts:
             if path.exists() or path.is_symlink():
-                raise UsageError(f"{path} exists already; choose another name, or remove the file")
+                raise UsageError(f"{path} exists already; {way_out}")
         for path, text in texts.items():
             # Never over a file that has just come.
             with path.open("w" if overwrite else "x", encoding="utf-8") as file:
