@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from zteam.config import resources
+from zteam.config.foreign_files import TEAM_FILE, name_foreign
 from zteam.config.problems import Problem
 from zteam.config.toml_values import KeyPath, TomlError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
@@ -23,6 +24,7 @@ MAX_FILES = 100
 """Of one team: a file may be included more than once, so few files can make many."""
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
+_PATHS = ("world", "map", "description", "folder", "params")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Braces in quotes do not count. A quote may also stand alone.
 _QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
@@ -140,7 +142,13 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
     if not isinstance(value, str):
         return value
-    return fill(value, place) if fill else resources.from_home(value)
+    return fill(value, place) if fill else _from_home(value, place)
+
+
+def _from_home(text: str, place: KeyPlace) -> str:
+    """A text of this place; `~/` is the user's folder where a path stands, and the beginning of a name in ROS."""
+    *_, above, key = "", "", *place.path
+    return resources.from_home(text) if key in _PATHS or (above, key) == ("command", 0) else text
 
 
 class Argument(NamedTuple):
@@ -250,7 +258,7 @@ class Files:
         whole = _REFERENCE.fullmatch(text)
         if whole is not None and not whole["escape"]:
             return _placed(take(whole)[0], place)
-        return resources.from_home(_REFERENCE.sub(lambda found: take(found)[1], text))
+        return _from_home(_REFERENCE.sub(lambda found: take(found)[1], text), place)
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])
@@ -293,18 +301,19 @@ def _is_text(holder: Any, key: str) -> bool:
 
 def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    data = resources.read_file(path, what, MAX_BYTES, ConfigError, own="")
-    try:
-        text = data.decode("utf-8-sig")
-        return key_lines(text), tomllib.loads(text)
-    except TomlError as error:
-        raise ConfigError(f"{path}:{error.line}: {error}") from None
-    except ValueError as error:
-        # Not UTF-8, no TOML, or a number of thousands of digits.
-        told, _, place = " ".join(str(error).split()).partition(" (at line ")
-        line_and_column = re.findall(r"\d+", place)
-        hint = _HINTS.get(told, "")
-        if path.suffix.lower() != ".toml":
-            hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
-        hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
-        raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None
+    data = resources.read_file(path, what, MAX_BYTES, ConfigError)
+    with name_foreign(path, what, TEAM_FILE):
+        try:
+            text = data.decode("utf-8-sig")
+            return key_lines(text), tomllib.loads(text)
+        except TomlError as error:
+            raise ConfigError(f"{path}:{error.line}: {error}") from None
+        except ValueError as error:
+            # Not UTF-8, no TOML, or a number of thousands of digits.
+            told, _, place = " ".join(str(error).split()).partition(" (at line ")
+            line_and_column = re.findall(r"\d+", place)
+            hint = _HINTS.get(told, "")
+            if path.suffix.lower() != ".toml":
+                hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
+            hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
+            raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None
