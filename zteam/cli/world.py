@@ -98,7 +98,7 @@ def _new(args: argparse.Namespace) -> int:
         "world": files[0].name, "last": robots - 1, "cell": max(Options().map_resolution, least_cell(width, height)),
     }  # fmt: skip
     texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
-    write_files(texts, overwrite=args.force, way_out="choose another name with -o, or overwrite it with --force")
+    write_files(texts, "choose another name with -o, or overwrite it with --force", overwrite=args.force)
     print_line(f"wrote {' and '.join(map(str, files))}: {size}, {counted(robots, 'robot')}")
     print_line(f"next: zteam up {quote(str(files[1]))} --view")
     return 0

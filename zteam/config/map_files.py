@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.config.foreign_files import MAP_FILE, name_foreign
+from zteam.config.foreign_files import MAP_FILE, YAML_FILE, name_foreign
 from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import existing_file, load_yaml, read_yaml
 from zteam.errors import WorldError
@@ -130,7 +130,7 @@ def read_floor_map(path: Path) -> FloorMap:
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
     what, read = "map of map_server", partial(load_yaml, aliases=10)
-    with name_foreign(path, what, MAP_FILE):
+    with name_foreign(path, what, MAP_FILE, YAML_FILE):
         fields = read_yaml(path, what, MAX_BYTES, WorldError, read)
         if isinstance(fields, dict):
             # YAML 1.1 reads `on` and 1 as other keys than texts.

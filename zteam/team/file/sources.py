@@ -24,7 +24,9 @@ MAX_FILES = 100
 """Of one team: a file may be included more than once, so few files can make many."""
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
-_PATHS = ("world", "map", "description", "folder", "params")
+_PATHS = re.compile(
+    r"team\.(?:world|map)|(?:defaults|robots\.\d+)\.(?:description|navigation\.params)|nodes\.\d+\.(?:folder|command\.0)"
+)
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Braces in quotes do not count. A quote may also stand alone.
 _QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
@@ -142,13 +144,17 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
     if not isinstance(value, str):
         return value
-    return fill(value, place) if fill else _from_home(value, place)
+    return fill(value, place) if fill else _as_path(value, place)
 
 
-def _from_home(text: str, place: KeyPlace) -> str:
-    """A text of this place; `~/` is the user's folder where a path stands, and the beginning of a name in ROS."""
-    *_, above, key = "", "", *place.path
-    return resources.from_home(text) if key in _PATHS or (above, key) == ("command", 0) else text
+def _as_path(text: str, place: KeyPlace) -> str:
+    """A text of this place. Of a path, `~/` is the user's folder, and an included file's own folder comes before it."""
+    if not _PATHS.fullmatch(".".join(map(str, place.path))):
+        return text
+    text, key = resources.from_home(text), place.path[-1]
+    beside = place.source.path.parent.resolve() / text
+    is_file = key in ("map", "description", "params") or (key == "world" and resources.existing_file(beside))
+    return str(beside) if is_file and place.source.number else text
 
 
 class Argument(NamedTuple):
@@ -232,8 +238,6 @@ class Files:
         source = Source(path, lines, len(self.sources))
         self.sources.append(source)
         own = _placed(tables, KeyPlace(source), self._fill)
-        if above:
-            _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
         for found in self._included(own, (*above, path)):
             merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
@@ -258,7 +262,7 @@ class Files:
         whole = _REFERENCE.fullmatch(text)
         if whole is not None and not whole["escape"]:
             return _placed(take(whole)[0], place)
-        return _from_home(_REFERENCE.sub(lambda found: take(found)[1], text), place)
+        return _as_path(_REFERENCE.sub(lambda found: take(found)[1], text), place)
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])
@@ -278,25 +282,6 @@ class Files:
                 yield found
             except UsageError as error:
                 self.mistakes.append(Mistake(place, str(error)))
-
-
-def _fix_paths(table: Table, folder: Path) -> None:
-    """Let the paths of an included file name the same files from anywhere."""
-    team: Any = table.get("team")
-    robots = table.get("robots")
-    beside = resources.existing_file(folder / team["world"]) if _is_text(team, "world") else None
-    if beside is not None:
-        team["world"] = str(beside)
-    tables = [table.get("defaults"), *(robots if isinstance(robots, list) else [])]
-    navigations = [inner.get("navigation") for inner in tables if isinstance(inner, Table)]
-    holders = [(team, "map"), *((inner, "description") for inner in tables), *((n, "params") for n in navigations)]
-    for holder, key in holders:
-        if _is_text(holder, key):
-            holder[key] = str(folder / holder[key])
-
-
-def _is_text(holder: Any, key: str) -> bool:
-    return isinstance(holder, Table) and isinstance(holder.get(key), str)
 
 
 def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
