@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "zteam"
 FOREIGN = {
     "bus/router.py": "Zenoh", "bus/transport.py": "Zenoh", "bus/tls.py": "OpenSSL", "cli/options.py": "argparse",
     "cli/other_words.py": "users of ROS",
-    "config/foreign_files.py": "other programs", "config/problems.py": "msgspec", "node/faults.py": "the system",
+    "config/problems.py": "msgspec", "node/faults.py": "the system",
     "robot/teleop.py": "terminals", "team/file/sources.py": "tomllib", "view/files.py": "JavaScript",
 }  # fmt: skip
 """Files that translate words of others: whose."""

@@ -59,18 +59,19 @@ def _run(args: argparse.Namespace) -> None:
     words = {"name": name, "kind": "".join(part[:1].upper() + part[1:] for part in name.split("_"))}
     texts = {f"{prefix}{name}.py": (TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8") for prefix in ("", "test_")}
     _check_name(word, name, words["kind"], texts[f"{name}.py"])
-    write_files({Path(file): fill(text, words) for file, text in texts.items()})
+    filled = {Path(file): fill(text, words) for file, text in texts.items()}
+    write_files(filled, "choose another name, or remove the file")
     print_block(f"wrote {printable(' and '.join(texts))}\n")
     rows = [(fill(command, words), text) for command, text in KINDS[word][1]]
     print_block(format_table(("next", "does"), rows))
 
 
-def write_files(texts: Mapping[Path, str], *, overwrite: bool = False) -> None:
+def write_files(texts: Mapping[Path, str], way_out: str, *, overwrite: bool = False) -> None:
     """Write these files, or none if one of them exists. Raises UsageError for that, and ZteamError if it cannot."""
     try:
         for path in () if overwrite else texts:
             if path.exists() or path.is_symlink():
-                raise UsageError(f"{path} exists already; choose another name, or remove the file")
+                raise UsageError(f"{path} exists already; {way_out}")
         for path, text in texts.items():
             # Never over a file that has just come.
             with path.open("w" if overwrite else "x", encoding="utf-8") as file:

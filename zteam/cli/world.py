@@ -76,6 +76,8 @@ def _new(args: argparse.Namespace) -> int:
     chosen = args.output or picture
     if chosen.is_dir():
         chosen /= picture.name
+    if not chosen.parent.is_dir():
+        raise UsageError(f"-o {chosen}: there is no folder {chosen.parent}: make it first")
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
     if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\$'):
@@ -83,16 +85,20 @@ def _new(args: argparse.Namespace) -> int:
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
     size, places = f"{width:g} x {height:g} m", find_places(occupied, metres, robots)
+    if occupied.min() == occupied.max():
+        raise UsageError(f"{picture}: {'no' if occupied.any() else 'all'} free room: draw dark walls on a light ground")
     if len(places) < robots:
+        is_negative = len(find_places(~occupied, metres, robots)) == robots
+        way_out = "invert it" if is_negative else "give another --resolution, or fewer --robots"
         text = f"{picture}: {size} with dark walls, and free room for {len(places)} of {robots} robots"
-        raise UsageError(f"{text}: give another --resolution, or fewer --robots")
+        raise UsageError(f"{text}: {way_out}")
     words = {
         "picture": name, "metres": f"{metres:g}", "width": width, "height": height, "x": width / 2, "y": height / 2,
         "erratic": ERRATIC, "robots": "\n".join(f"erratic ( pose [{x!r} {y!r} 0 0] )" for x, y in places),
         "world": files[0].name, "last": robots - 1, "cell": max(Options().map_resolution, least_cell(width, height)),
     }  # fmt: skip
     texts = {path: fill((TEMPLATES / f"{path.suffix[1:]}.txt").read_text("utf-8"), words) for path in files}
-    write_files(texts, overwrite=args.force)
+    write_files(texts, "choose another name with -o, or overwrite it with --force", overwrite=args.force)
     print_line(f"wrote {' and '.join(map(str, files))}: {size}, {counted(robots, 'robot')}")
     print_line(f"next: zteam up {quote(str(files[1]))} --view")
     return 0

@@ -5,6 +5,7 @@ have their uppermost row first, maps have it last.
 """
 
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -12,9 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.config.foreign_files import MAP_FILE
+from zteam.config.foreign_files import MAP_FILE, YAML_FILE, name_foreign
 from zteam.config.problems import KeyValueError, problems_of
-from zteam.config.resources import existing_file, read_yaml
+from zteam.config.resources import existing_file, load_yaml, read_yaml
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
 
@@ -56,7 +57,8 @@ def read_channels(path: Path) -> NDArray[Any]:
     except UnidentifiedImageError:
         raise WorldError(f"cannot read bitmap {path}: it is no PNG, PGM, BMP, JPEG or GIF; save it as a PNG") from None
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
-        raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
+        told = getattr(error, "strerror", None) or error
+        raise WorldError(f"cannot read bitmap {path}: {told!s:.200}") from None
 
 
 def _channels(image: "Picture") -> NDArray[Any]:
@@ -127,15 +129,17 @@ def read_floor_map(path: Path) -> FloorMap:
 
 def read_map_file(path: Path) -> MapFile:
     """What a YAML file says. Raises WorldError that names file and key, also for a picture that is not there."""
-    fields = read_yaml(path, "map of map_server", MAX_BYTES, WorldError, MAP_FILE)
-    if isinstance(fields, dict):
-        # YAML 1.1 reads `on` and 1 as other keys than texts.
-        fields = {key: value for key, value in fields.items() if isinstance(key, str)}
-        if isinstance(mode := fields.get("mode"), str):
-            fields["mode"] = mode.lower()
-    # YAML 1.1 reads 1e-2 as a text, and map_server's `negate` is 0 or 1.
-    for problem in problems_of(fields, MapFile, strict=False):
-        raise WorldError(f"{path}: {problem}")
+    what, read = "map of map_server", partial(load_yaml, aliases=10)
+    with name_foreign(path, what, MAP_FILE, YAML_FILE):
+        fields = read_yaml(path, what, MAX_BYTES, WorldError, read)
+        if isinstance(fields, dict):
+            # YAML 1.1 reads `on` and 1 as other keys than texts.
+            fields = {key: value for key, value in fields.items() if isinstance(key, str)}
+            if isinstance(mode := fields.get("mode"), str):
+                fields["mode"] = mode.lower()
+        # map_server's `negate` is 0 or 1.
+        for problem in problems_of(fields, MapFile, strict=False):
+            raise WorldError(f"{path}: {problem}")
     file = msgspec.convert(fields, MapFile, strict=False)
     if existing_file(image := path.parent / file.image) is None:
         raise WorldError(f"{path}: image: there is no {image}")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from zteam.config.foreign_files import refuse_foreign
+from zteam.config.foreign_files import refuse_head
 from zteam.errors import UsageError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -73,33 +73,34 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
     raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
-def read_file(path: Path, what: str, most: int, error: type[UsageError], own: str | None = None) -> bytes:
-    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes. With `own`, also
-    for a file of another program (`zteam.config.foreign_files`); those of that kind are none."""
+def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
+    """The bytes of a user's file. Raises `error` if it cannot be read, is larger than `most` bytes, or begins as a file
+    of another program."""
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except (OSError, ValueError) as fault:
         # ValueError: a NUL in the name.
         raise error(f"{path}: cannot read this {what}: {getattr(fault, 'strerror', None) or fault}") from None
-    if own is not None:
-        refuse_foreign(path, data, what, error, own)
+    refuse_head(path, data, what, error)
     if len(data) > most:
         raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
     return data
 
 
-def load_yaml(text: str | bytes) -> Any:
-    """The value of a YAML document as ROS reads it: `5e-2` is a number, which to PyYAML is a text, and there are no
-    aliases, by which a short text stands for one without an end.
+def load_yaml(text: str | bytes, *, aliases: int = 0) -> Any:
+    """The value of a YAML document as ROS reads it: `5e-2` is a number, which to PyYAML is a text. Files of parameters
+    have no aliases there, maps have; with more of them than these few a short text could stand for a very long one.
 
     Raises yaml.YAMLError, ValueError and RecursionError.
     """
     import yaml  # slow to import
 
+    left = iter(range(aliases))
+
     class Loader(yaml.SafeLoader):
         def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.AliasEvent):
+            if self.check_event(yaml.AliasEvent) and next(left, None) is None:
                 mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
                 raise yaml.MarkedYAMLError(problem="write out what the alias stands for", problem_mark=mark)
             return super().compose_node(parent, index)
@@ -113,13 +114,12 @@ def load_yaml(text: str | bytes) -> Any:
 
 
 def read_yaml(
-    path: Path, what: str, most: int, error: type[UsageError], own: str | None = None,
-    load: Callable[[bytes], Any] = load_yaml,
-) -> Any:  # fmt: skip
+    path: Path, what: str, most: int, error: type[UsageError], load: Callable[[bytes], Any] = load_yaml
+) -> Any:
     """The contents of a user's YAML file, read as `read_file` does. Raises `error`, with the line if it is known."""
     import yaml
 
-    data = read_file(path, what, most, error, own)
+    data = read_file(path, what, most, error)
     try:
         return load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as fault:

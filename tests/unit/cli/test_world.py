@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from support.commands import Run
 from zteam import run_team
@@ -167,12 +167,15 @@ def test_new_takes_a_large_plan(run: Run) -> None:
         ("dark.png --resolution 0.05 --robots 500", "free room for"),
         ("plan.png --resolution 0.05 --robots 0", "--robots: '0'"),
         ("yard.world --resolution 0.05", "cannot read bitmap yard.world"),
-        ("none.png --resolution 0.05", "none.png"),
+        ("negative.png --resolution 0.05", "invert it"),
+        ("white.png --resolution 0.05", "white.png: all free room"),
+        ("black.png --resolution 0.05", "black.png: no free room"),
+        ("none.png --resolution 0.05", ": cannot read bitmap none.png: No such file or directory\n"),
         (". --resolution 0.05", "cannot read bitmap ."),
         ("plan.png --resolution 0.05 -o 'a\"b.world'", "a name with a quote"),
         ("plan.png --resolution 0.05 -o '${a}.world'", "a name with a quote or a $"),
-        ("plan.png --resolution 0.05 -o none/plan.world", "cannot write none/plan.world"),
-        ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already"),
+        ("plan.png --resolution 0.05 -o none/plan.world", "-o none/plan.world: there is no folder none"),
+        ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already; choose another name with -o, or"),
         ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),
         ("m.yaml --resolution 0.05", "m.yaml: it is no PNG, PGM, BMP, JPEG or GIF; save it as a PNG"),
     ],
@@ -181,10 +184,14 @@ def test_new_refuses_in_a_line_and_writes_nothing(run: Run, words: str, text: st
     """The file or the option is named, and nothing that is there is touched."""
     plan().save("plan.png")
     plan(invert=True).save("dark.png")
+    for name, ground, walls in (("white", 255, 255), ("black", 0, 0), ("negative", 0, 255)):
+        picture = Image.new("L", (200, 100), ground)
+        ImageDraw.Draw(picture).rectangle((20, 20, 180, 80), outline=walls)
+        picture.save(f"{name}.png")
     Path("taken.toml").write_text("mine")
     Path("m.yaml").write_text("image: plan.png\nresolution: 0.05\n")
     before = {path: path.read_bytes() for path in Path().iterdir()}
-    err = run(f"zteam world new {words}", 1 if "none/" in words else 2).err
+    err = run(f"zteam world new {words}", 2).err
     assert text in err and err.count("\n") == 1
     assert {path: path.read_bytes() for path in Path().iterdir()} == before
 

@@ -41,12 +41,12 @@ FILES: list[tuple[str | bytes, str]] = [
     ('<launch>\n  <node pkg="stage_ros" type="stageros" name="s"/>\n</launch>', "launch file .*team file"),
     ("from launch import LaunchDescription\ndef generate_launch_description():\n    pass\n", "launch file"),
     ('<?xml version="1.0"?>\n<!DOCTYPE map SYSTEM "x.dtd">\n<map version="1.10" width="9"></map>', "Tiled.*world new"),
-    ('<svg xmlns="http://www.w3.org/2000/svg"/>', "a drawing.*world new"),
+    ('<svg xmlns="http://www.w3.org/2000/svg"/>', "SVG.*world new"),
     ("<!DOCTYPE html>\n<html><body>404</body></html>", "web page.*download"),
     ("<COLLADA/>", "XML"),
     ("WorldInfo {\n  gravity 9.81\n}\n", "Webots"),
     ("  0\nSECTION\n  2\nHEADER\n", "a drawing.*PNG"),
-    ('"""My robot."""\n\nfrom zteam import Behavior\n', "Python.*team file"),
+    ('"""My robot."""\n\nfrom zteam import Behavior\n', "Python.*behavior"),
     ("#VRML_SIM R2023b utf8\nWorldInfo {\n}\n", "Webots"),
     ("# a lab\nworld:\n  height: 10\nrobot:\n  - kinematics: {name: 'diff'}\nobstacle:\n  - number: 5\n", "IR-SIM"),
     ("properties: {}\nlayers:\n  - name: '2d'\n    map: 'map.yaml'\nmodels: []\n", "flatland.*image and resolution"),
@@ -54,7 +54,7 @@ FILES: list[tuple[str | bytes, str]] = [
         '# Player\ndriver\n(\n  name "stage"\n  provides [ "simulation:0" ]\n  worldfile "x.world"\n)\n',
         "Player.*worldfile",
     ),
-    ('{"world": {}}', "JSON"),
+    ('{"world": {}}', "JSON|key image is missing"),
     ("# a lab\nworld:  # its size\n  height: 10\n", "IR-SIM"),
     ("world: {height: 10, width: 10}\r\nrobot: []\r\n", "IR-SIM"),
     ("<HTML><BODY>404</BODY></HTML>", "web page"),
@@ -67,6 +67,15 @@ FILES: list[tuple[str | bytes, str]] = [
     (b"%PDF-1.7\n", "a drawing.*PNG"),
     ("version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
     ("model ( )\n".encode("utf-16-le"), "a binary file"),
+    ("amcl:\n  ros__parameters:\n    alpha1: 0.2\n", "a YAML.*a team file is TOML|key image is missing"),
+    ("Panels:\n  - Class: rviz_common/Displays\n", "a YAML|key image is missing"),
+    ("999\ndxfrw 0.6.3\n0\nSECTION\n2\nHEADER\n", "a drawing"),
+    ("solid part\n  facet normal 0 0 1\n    outer loop\n", "a mesh"),
+    ("# CARMEN Logfile\nPARAM robot_frontlaser_offset 0.0 nohost 0\n", "CARMEN"),
+    ("# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n", "a point cloud"),
+    ("#usda 1.0\n", "a point cloud"),
+    (b"#ROSBAG V2.0\n", "or a recording"),
+    ('<!DOCTYPE x [ <!ENTITY a "<b>"> ]>\n<sdf version="1.7"/>', "Gazebo"),
 ]
 
 
@@ -80,7 +89,7 @@ def test_a_file_of_another_program_is_told_as_what_it_is(tmp_path: Path, content
         with pytest.raises(UsageError, match=text) as caught:
             read(tmp_path / name)
         message = str(caught.value)
-        assert message.startswith(f"{tmp_path / name}: ") and message.count("\n") == 0
+        assert message.startswith(f"{tmp_path / name}: ") and "not YAML" not in message and message.count("\n") == 0
 
 
 def test_a_pipe_is_left_to_its_reader(tmp_path: Path) -> None:
@@ -104,5 +113,40 @@ def test_what_zteam_reads_itself_is_not_foreign(tmp_path: Path) -> None:
     for read, name in ((load_world, "m.world"), (read_team_file, "m.toml")):
         with pytest.raises(UsageError, match=r"a map of map_server, .*named \*\.yaml"):
             read(tmp_path / name)
-    (tmp_path / "t.toml").write_text('# [world]\n[[robots]]\nid = 0\nbehavior = "wander"\n')
-    assert len(read_team_file(tmp_path / "t.toml").team.robots) == 1
+
+
+ROBOT = '[[robots]]\nid = 0\nbehavior = "wander"\n'
+PROGRAM = '\n[[nodes]]\nname = "n"\ncommand = ["python", "-c", """\nimport time\nlayers:\nworld:\n"""]\n'
+MAP = "image: m.png\nresolution: 0.1\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("t.toml", "# [world]\n" + ROBOT),
+        ("t.toml", "# generate_launch_description\n" + ROBOT + PROGRAM),
+        ("t.toml", "# <launch>\n# import time\n" + ROBOT),
+        ("a.world", "# def generate_launch_description():\nmodel ( size [1 1 1] )\n"),
+        ("a.world", "# P1\ndefine P1 model ( size [1 1 1] )\nP1 ( )\n"),
+        ("a.world", "# CARMEN log\nmodel ( size [1 1 1] )\n"),
+        ("m.yaml", "# generate_launch_description\n---\n" + MAP),
+        ("m.yaml", "layers:\nworld:\n" + MAP),
+        ("m.yaml", "size: &size 0.1\nimage: m.png\nresolution: *size\norigin: [&x 0, *x, *x]\n"),
+    ],
+)
+def test_words_of_other_programs_do_not_make_a_file_foreign(tmp_path: Path, name: str, text: str) -> None:
+    """Whatever its comments, texts, macros and other keys are, a file that its own reader takes is taken."""
+    Image.new("L", (4, 4), 255).save(tmp_path / "m.png")
+    (tmp_path / name).write_text(text)
+    if name == "t.toml":
+        assert len(read_team_file(tmp_path / name).team.robots) == 1
+    else:
+        world = load_world(tmp_path / name)
+        assert len(world.floorplans) + len(world.obstacles) == 1
+
+
+def test_a_mistake_in_a_team_file_is_told_with_its_line(tmp_path: Path) -> None:
+    """Also where the file has a program in it."""
+    (tmp_path / "t.toml").write_text(ROBOT + PROGRAM + "x = wander\n")
+    with pytest.raises(UsageError, match=r"t\.toml:\d+:\d+: not TOML: Invalid value"):
+        read_team_file(tmp_path / "t.toml")

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
+import yaml
 
 from zteam.config import resources
 from zteam.errors import UsageError
@@ -30,6 +31,14 @@ def test_yaml_that_ros_does_not_read_is_refused(tmp_path: Path, text: str) -> No
     (tmp_path / "own.yaml").write_text(text)
     with pytest.raises(UsageError, match=r"^.*own\.yaml(:[12])?: not YAML: [^\n]*$"):
         resources.read_yaml(tmp_path / "own.yaml", "map", 1000, UsageError)
+
+
+def test_maps_may_have_a_few_aliases() -> None:
+    """As map_server's YAML takes them, also one of itself; more than are allowed are refused."""
+    assert resources.load_yaml("a: &a [1]\nb: {<<: {c: *a}}\nd: *a", aliases=2) == {"a": [1], "b": {"c": [1]}, "d": [1]}
+    assert set(resources.load_yaml("a: &a [*a]", aliases=1)) == {"a"}
+    with pytest.raises(yaml.YAMLError):
+        resources.load_yaml("a: &a 1\nb: [*a, *a]", aliases=1)
 
 
 def test_team_files_are_found_by_name() -> None:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.config.foreign_files import MAP_FILE, YAML_FILE, name_foreign
 from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
@@ -245,6 +246,11 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     `file:line:column`.
     """
     path = Path(path)
+    with name_foreign(path, "world file", *((MAP_FILE, YAML_FILE) if is_floor_map(path) else ())):
+        return _load(path, whole_bitmaps)
+
+
+def _load(path: Path, whole_bitmaps: bool) -> World:
     remarks = Remarks()
     if is_floor_map(path):
         document, whole_bitmaps = parse_text('model ( name "map" color "gray30" )', remarks, str(path)), True

@@ -5,7 +5,6 @@ names are relative to the folder of the top file. Every count is bounded, so tha
 reads is read here too, with a remark where it is not what the file's author can have meant: a number such as
 `3.75.2`, of which C's atof takes the beginning, and text behind an include, which Stage skips."""
 
-import codecs
 import enum
 import math
 import os
@@ -14,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from zteam.config.foreign_files import decode_text
 from zteam.config.resources import existing_file, read_file
 from zteam.errors import WorldError
 from zteam.simulator.world.model import Remark
@@ -72,10 +72,8 @@ def find_file(name: str, folder: Path) -> Path | None:
 
 
 def read_text(path: Path) -> str:
-    """The text of a world file; raises WorldError without a place. What is no text in its encoding becomes U+FFFD."""
-    data = read_file(path, "world file", MAX_FILE_BYTES, WorldError, own="")
-    is_wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return data.decode("utf-16" if is_wide else "utf-8-sig", "replace")
+    """The text of a world file; raises WorldError without a place."""
+    return decode_text(read_file(path, "world file", MAX_FILE_BYTES, WorldError))
 
 
 class TokenKind(enum.Enum):

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from zteam.config import resources
+from zteam.config.foreign_files import TEAM_FILE, name_foreign
 from zteam.config.problems import Problem
 from zteam.config.toml_values import KeyPath, TomlError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
@@ -23,6 +24,9 @@ MAX_FILES = 100
 """Of one team: a file may be included more than once, so few files can make many."""
 LISTS = ("robots", "nodes", "static_transforms")
 """The keys that hold a list of tables."""
+_PATHS = re.compile(
+    r"team\.(?:world|map)|(?:defaults|robots\.\d+)\.(?:description|navigation\.params)|nodes\.\d+\.(?:folder|command\.0)"
+)
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Braces in quotes do not count. A quote may also stand alone.
 _QUOTED = r'"(?:(?:(?!\$\{)[^"\\]|\\.)*")?+'
@@ -140,7 +144,17 @@ def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | 
         return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
     if not isinstance(value, str):
         return value
-    return fill(value, place) if fill else resources.from_home(value)
+    return fill(value, place) if fill else _as_path(value, place)
+
+
+def _as_path(text: str, place: KeyPlace) -> str:
+    """A text of this place. Of a path, `~/` is the user's folder, and an included file's own folder comes before it."""
+    if not _PATHS.fullmatch(".".join(map(str, place.path))):
+        return text
+    text, key = resources.from_home(text), place.path[-1]
+    beside = place.source.path.parent.resolve() / text
+    is_file = key in ("map", "description", "params") or (key == "world" and resources.existing_file(beside))
+    return str(beside) if is_file and place.source.number else text
 
 
 class Argument(NamedTuple):
@@ -224,8 +238,6 @@ class Files:
         source = Source(path, lines, len(self.sources))
         self.sources.append(source)
         own = _placed(tables, KeyPlace(source), self._fill)
-        if above:
-            _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
         for found in self._included(own, (*above, path)):
             merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
@@ -250,7 +262,7 @@ class Files:
         whole = _REFERENCE.fullmatch(text)
         if whole is not None and not whole["escape"]:
             return _placed(take(whole)[0], place)
-        return resources.from_home(_REFERENCE.sub(lambda found: take(found)[1], text))
+        return _as_path(_REFERENCE.sub(lambda found: take(found)[1], text), place)
 
     def _included(self, table: Table, above: tuple[Path, ...]) -> Iterator[Path]:
         listed = table.get("include", [])
@@ -272,39 +284,21 @@ class Files:
                 self.mistakes.append(Mistake(place, str(error)))
 
 
-def _fix_paths(table: Table, folder: Path) -> None:
-    """Let the paths of an included file name the same files from anywhere."""
-    team: Any = table.get("team")
-    robots = table.get("robots")
-    beside = resources.existing_file(folder / team["world"]) if _is_text(team, "world") else None
-    if beside is not None:
-        team["world"] = str(beside)
-    tables = [table.get("defaults"), *(robots if isinstance(robots, list) else [])]
-    navigations = [inner.get("navigation") for inner in tables if isinstance(inner, Table)]
-    holders = [(team, "map"), *((inner, "description") for inner in tables), *((n, "params") for n in navigations)]
-    for holder, key in holders:
-        if _is_text(holder, key):
-            holder[key] = str(folder / holder[key])
-
-
-def _is_text(holder: Any, key: str) -> bool:
-    return isinstance(holder, Table) and isinstance(holder.get(key), str)
-
-
 def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    data = resources.read_file(path, what, MAX_BYTES, ConfigError, own="")
-    try:
-        text = data.decode("utf-8-sig")
-        return key_lines(text), tomllib.loads(text)
-    except TomlError as error:
-        raise ConfigError(f"{path}:{error.line}: {error}") from None
-    except ValueError as error:
-        # Not UTF-8, no TOML, or a number of thousands of digits.
-        told, _, place = " ".join(str(error).split()).partition(" (at line ")
-        line_and_column = re.findall(r"\d+", place)
-        hint = _HINTS.get(told, "")
-        if path.suffix.lower() != ".toml":
-            hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
-        hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
-        raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None
+    data = resources.read_file(path, what, MAX_BYTES, ConfigError)
+    with name_foreign(path, what, TEAM_FILE):
+        try:
+            text = data.decode("utf-8-sig")
+            return key_lines(text), tomllib.loads(text)
+        except TomlError as error:
+            raise ConfigError(f"{path}:{error.line}: {error}") from None
+        except ValueError as error:
+            # Not UTF-8, no TOML, or a number of thousands of digits.
+            told, _, place = " ".join(str(error).split()).partition(" (at line ")
+            line_and_column = re.findall(r"\d+", place)
+            hint = _HINTS.get(told, "")
+            if path.suffix.lower() != ".toml":
+                hint = f"; a {what} is TOML (docs/team-files.md translates launch files of ROS)"
+            hint = "; save it as UTF-8" if isinstance(error, UnicodeDecodeError) else hint
+            raise ConfigError(f"{':'.join([str(path), *line_and_column])}: not TOML: {told}{hint}") from None

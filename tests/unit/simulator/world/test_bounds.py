@@ -84,10 +84,10 @@ def test_noise_is_no_wall_for_the_dynamic_physics(monkeypatch: pytest.MonkeyPatc
 
 
 def test_aliases_of_aliases_are_not_written_out(tmp_path: Path) -> None:
-    """A short YAML with a value that would be 10^12 words long is refused in a short line, at its first alias."""
+    """A short YAML with a value that would be 10^12 words long is refused in a short line, before it is written."""
     lists = "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 13))
     Image.fromarray(np.zeros((4, 4), np.uint8)).save(tmp_path / "floor.png")
     (tmp_path / "floor.yaml").write_text(f"image: floor.png\na0: &a0 [1]\n{lists}resolution: *a12\n")
     error = refusal(tmp_path, f'model ( bitmap "floor.yaml" )\n{ROBOT}')
-    assert "floor.yaml:3: " in error
+    assert "floor.yaml:4: " in error
     assert len(error) < 500

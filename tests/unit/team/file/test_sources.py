@@ -82,6 +82,18 @@ def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
     assert file.team.folders == (str(tmp_path), str(below))
 
 
+def test_the_home_folder_is_named_in_paths_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To a program `~/scan` is a private name of ROS; what an argument stands for is a path where one is expected."""
+    monkeypatch.setenv("HOME", "/home/me")
+    text = (
+        '[team]\nmap = "${map:-~/hall.yaml}"\n[[robots]]\nid = 0\ndescription = "~/${x:-a}.urdf"\n'
+        '[[nodes]]\nname = "a"\nfolder = "~/n"\ncommand = ["~/bin/n", "~/scan", "~/${x:-a}"]\n'
+    )
+    team = read_team_file(write(tmp_path, team=text)).team
+    assert (team.team.map, team.robots[0].description) == ("/home/me/hall.yaml", "/home/me/a.urdf")
+    assert (team.nodes[0].folder, team.nodes[0].command) == ("/home/me/n", ("/home/me/bin/n", "~/scan", "~/a"))
+
+
 def test_a_parameter_file_of_navigation_belongs_to_the_file_that_names_it(tmp_path: Path) -> None:
     """Beside an included file, for its robots and for those that take its defaults; a file's own stays as written."""
     below = tmp_path / "below"
