@@ -18,6 +18,7 @@ from zteam import names
 from zteam.config.entry_points import load_offered, offered
 from zteam.config.numbers import Coordinate, NotNegative, Positive, Signed
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, plain, problems_of
+from zteam.config.foreign_files import name_foreign
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
 from zteam.kernels.navigation import MAX_CELLS
@@ -461,10 +462,12 @@ def _read_plugin(
 
 def _read_parameter_file(path: Path) -> list[_Node]:
     """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    table = read_yaml(path, "parameter file", MAX_BYTES, UsageError, own="")
-    nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
-    if not nodes and table is not None:
-        raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")
+    with name_foreign(path, "parameter file"):
+        table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
+        nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
+        if not nodes and table is not None:
+            needed = f"it needs a node's name and below it {_PARAMETERS}, as Nav2's file"
+            raise UsageError(f"{path} has no parameters: {needed}")
     return nodes
 
 
