@@ -16,9 +16,9 @@ import msgspec
 
 from zteam import names
 from zteam.config.entry_points import load_offered, offered
+from zteam.config.foreign_files import YAML_FILE, name_foreign
 from zteam.config.numbers import Coordinate, NotNegative, Positive, Signed
 from zteam.config.problems import CheckedOptions, KeyValueError, Problem, plain, problems_of
-from zteam.config.foreign_files import name_foreign
 from zteam.config.resources import read_yaml
 from zteam.errors import UsageError
 from zteam.kernels.navigation import MAX_CELLS
@@ -462,7 +462,7 @@ def _read_plugin(
 
 def _read_parameter_file(path: Path) -> list[_Node]:
     """The nodes of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
-    with name_foreign(path, "parameter file"):
+    with name_foreign(path, "parameter file", YAML_FILE):
         table = read_yaml(path, "parameter file", MAX_BYTES, UsageError)
         nodes = list(_find_nodes(table, ())) if isinstance(table, Mapping) else []
         if not nodes and table is not None:
