@@ -213,7 +213,7 @@ ALONE = (
     Mistake("zteam up a.launch", ("a launch file of ROS, not a team file",), file=("a.launch", "<launch/>\n")),
     Mistake(
         "zteam up team.yaml",
-        ("team.yaml:1:1: not TOML", "a team file is TOML (docs/"),
+        ("team.yaml: this is a YAML or JSON file, not a team file", "a team file is TOML"),
         file=("team.yaml", "{robots: 1}\n"),
     ),
     _team("zteam up team.toml", _TEAM.replace("arena", "~/no.world"), "team.world: world '/", "/no.world'"),
