@@ -25,7 +25,7 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
     assert screen.ask("zteam.app.send({op: 'pause'})") == "not connected to the server"
     start_view(team, "--token", TOKEN, port=urlsplit(url).port or 0)
     screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
-    assert screen.ask("zteam.app.camera.viewport()") == viewport
+    assert screen.ask("zteam.app.camera.viewport()") == pytest.approx(viewport)
     assert screen.ask("zteam.app.send({op: 'pause'})") == ""
     team.wait_for(lambda: team.sim_status.paused)
 
