@@ -34,6 +34,7 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
 def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
     """When the simulator is gone its robots are no longer drawn; a new simulator's are."""
     show(team, screen)
+    screen.wait("zteam.app.store.team.sim.present")
     team.kill("sim")
     screen.page.wait_for_selector("#notice :text('The simulator is gone')")
     screen.page.wait_for_selector("#notice code:text-is('zteam-sim arena')")

@@ -186,7 +186,7 @@ class Node(ProcessNode):
         self._search = Every(_SEARCH_AFTER)
         self._search.due()
         self.began = math.inf
-        """Time (ns) of its first step."""
+        """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
         self.part = Participant(self)
         """Its part in lock-step."""
@@ -390,6 +390,7 @@ class Node(ProcessNode):
         # A lock-step that is fast may soon be over, and one that waits for this node stands.
         is_late = self.clock.steady() - self.began >= to_ns(_SEARCH_AFTER)
         if self.claim.info.is_users and self._unheard and (is_late or self._search.due()):
+            self.began = self.clock.steady()
             self._searching = threading.Thread(target=search, name="publishers", daemon=True)
             self._searching.start()
 
