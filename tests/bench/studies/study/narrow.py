@@ -214,7 +214,7 @@ def draw_place(kind: str, seed: int, count: int) -> tuple[np.ndarray, Point, lis
 
 
 class Narrow(msgspec.Struct, frozen=True):
-    """A case of the study `lines` in such a place."""
+    """A case of the study `lines` in a drawn narrow place."""
 
     kind: str
     robots: int

@@ -175,7 +175,7 @@ def find_anchors(places: NDArray[np.float64], metres: float) -> NDArray[np.intp]
 
 
 def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: Collection[int]) -> bool:
-    """Whether it stands because it was told to: the robot for which it waits, or that waits itself, gets on."""
+    """Whether a robot waits, directly or through others, for one that gets on: then it stands as it should."""
     seen = {robot}
     other = waits.get(robot, -1)
     while other >= 0 and other not in seen:
