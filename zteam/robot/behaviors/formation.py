@@ -24,6 +24,7 @@ from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
 from zteam.robot.behaviors.line import Line, see_robot
 from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
 from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
+from zteam.robot.behaviors.ways import Ways
 from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
@@ -230,8 +231,6 @@ PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
 SIDE, NARROW = 0.8, 0.8
 """Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
-SAME, MOST_PLACES = 0.35, 200
-"""Metres about a place in a corridor in which a robot is there, and places that are remembered."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -242,16 +241,6 @@ MATE_REACH, MATE_MARGIN = 2.2, 0.1
 """Metres ahead up to which others are in the way to its slot, and metres that are left beside them."""
 STALE_AFTER = 1.0
 """Seconds; a member with an older pose is not seen any more."""
-
-
-def file_behind(leader: Point2, places: Mapping[int, Point2]) -> list[int]:
-    """The robots from the leader on, from each one the nearest of the others."""
-    order: list[int] = []
-    at, rest = leader, dict(places)
-    while rest:
-        order.append(min(rest, key=lambda robot: (math.dist(rest[robot], at), robot)))
-        at = rest.pop(order[-1])
-    return order
 
 
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
@@ -332,8 +321,7 @@ class Formation(LineMember):
         self._boxed_in, self._escape = BoxedIn(), Escape()
         self._before = 0
         """How many robots were before it in the file."""
-        self._narrow: list[Point2] = []
-        """Places in map where it was between two walls."""
+        self._ways = Ways()
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -491,10 +479,12 @@ class Formation(LineMember):
     def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> None:
         """Be in a file from where walls are on both sides on, until no robot is where they are."""
         places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
-        if self._is_between_walls(view, here) and all(math.dist(here[:2], at) > SAME for at in self._narrow):
-            self._narrow = [*self._narrow[-MOST_PLACES:], here[:2]]
+        seen = {mate.robot_id: here.compose(mate.pose)[:2] for mate in view.teammates}
+        self._ways.note({**seen, self._leads: self._driven.leader[:2], view.robot_id: here[:2]})
+        if self._is_between_walls(view, here):
+            self._ways.note_walls(here[:2])
         around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
-        if not any(math.dist(place, at) < SAME for place in around for at in self._narrow):
+        if not any(map(self._ways.is_between_walls, around)):
             self._leave_file()
             return
         ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
@@ -502,7 +492,7 @@ class Formation(LineMember):
         chain = chain_from(view.robot_id, ahead)
         is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
         if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads):
-            file = file_behind(self._driven.leader[:2], places)
+            file = [robot for robot in self._ways.order(self._leads) if robot in members]
             rank = file.index(view.robot_id)
             self.leader = file[rank - 1] if rank else self._leads
             self._line = self._line if self.gap else Line()
