@@ -100,8 +100,8 @@ ALIGNED = 0.1
 """Radians to its heading from which on it drives straight."""
 TURN_GAIN = 2.0
 """1/s."""
-GIVES_UP, PROGRESS = to_ns(6.0), 0.4
-"""It hands over if it has not come so many metres in so many nanoseconds."""
+GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
+"""It hands over if it has not come so many metres away in so many nanoseconds."""
 BEEN, TWICE, LEFT = 0.6, 2, 5
 """It hands over where it has left a place within so many metres so often; that many more places are remembered."""
 BEFORE_END = 0.8
@@ -118,8 +118,8 @@ class Head:
         """Nanoseconds: when it began to lead; None while it does not."""
         self._heading: float | None = None
         """In map (rad), while it turns."""
-        self._anchor = Pose2(0.0, 0.0, 0.0), 0
-        """Where it got on last, and when."""
+        self._anchors: list[tuple[Point2, int]] = []
+        """Where in map it got on last by each distance of PROGRESS, and when (ns)."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
         self._escape = Escape()
         self._left: list[Point2] = []
@@ -138,15 +138,19 @@ class Head:
         if scan is None:
             return Twist(), "no scan yet"
         if self._since is None:
-            self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
+            self._since, self._drawn_at, self._heading = view.now, own, None
+            self._anchors = [(own[:2], view.now)] * len(PROGRESS)
             self._escape.rest()
             self._left = []
         share, reason = keep_together(view, role)
         # One that waits for its line, or looks for a way, has twice the time.
         is_patient = share == 0.0 or self._escape.is_moving
-        if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
-            self._anchor = own, view.now
-        elif view.now - self._anchor[1] > (2 if is_patient else 1) * GIVES_UP:
+        self._anchors = [
+            (own[:2], view.now) if math.dist(own[:2], at) > metres else (at, since)
+            for (at, since), metres in zip(self._anchors, PROGRESS, strict=True)
+        ]
+        waits = [(view.now - since) / most for (_, since), most in zip(self._anchors, GIVES_UP, strict=True)]
+        if waits[0] > (2 if is_patient else 1) or waits[1] > 1:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None

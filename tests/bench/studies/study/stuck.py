@@ -136,18 +136,20 @@ def find_stuck(
 
     `followed` and `waits`: by tick, which robot each one follows, and for which one it waits (-1 for none).
     """
-    anchors = {metres: find_anchors(poses, metres) for metres in (STAYS, HEAD_STAYS)}
-    found: list[Stand] = []
     robots, every = range(poses.shape[1]), round(_EVERY / tick)
+    leads = np.array([[is_line and follows.get(robot, -1) < 0 for robot in robots] for follows in followed])
+    anchors = [
+        (find_anchors(poses, STAYS, np.ones_like(leads)), STAYS_FOR),
+        (find_anchors(poses, HEAD_STAYS, leads), HEAD_STAYS_FOR),
+    ]
+    found: list[Stand] = []
     since: dict[int, float] = {}
     for end in range(every, len(poses), every):
         begins: dict[int, int] = {}
         for robot in robots:
-            is_head = is_line and followed[end].get(robot, -1) < 0
-            for metres, seconds in ((STAYS, STAYS_FOR), *([(HEAD_STAYS, HEAD_STAYS_FOR)] if is_head else [])):
-                begin = int(anchors[metres][end, robot])
-                if (end - begin) * tick >= seconds:
-                    begins[robot] = min(begin, begins.get(robot, begin))
+            stays = [int(begin[end, robot]) for begin, least in anchors if (end - begin[end, robot]) * tick >= least]
+            if stays:
+                begins[robot] = min(stays)
         stuck = {
             robot
             for robot, begin in begins.items()
@@ -164,13 +166,13 @@ def find_stuck(
     ]
 
 
-def find_anchors(places: NDArray[np.float64], metres: float) -> NDArray[np.intp]:
-    """(ticks, robots): the tick since which a robot has not come so far from where it was then."""
+def find_anchors(places: NDArray[np.float64], metres: float, counts: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(ticks, robots): the tick since which a robot has not come so far from where it was then, and all of it counts."""
     found, places = np.zeros(places.shape[:2], np.intp), places[..., :2]
     robots = np.arange(places.shape[1])
     for tick in range(1, len(places)):
         away = np.hypot(*(places[tick] - places[found[tick - 1], robots]).T)
-        found[tick] = np.where(away > metres, tick, found[tick - 1])
+        found[tick] = np.where((away > metres) | ~counts[tick], tick, found[tick - 1])
     return found
 
 
