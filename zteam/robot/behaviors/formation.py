@@ -231,6 +231,8 @@ PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
 SIDE, NARROW = 0.8, 0.8
 """Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+PASSED = 1.0
+"""Metres that a robot has to be further from the leader than the one behind it that has come past."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -322,6 +324,8 @@ class Formation(LineMember):
         self._before = 0
         """How many robots were before it in the file."""
         self._ways = Ways()
+        self._turns = 0
+        """How often its file had turned at the last look."""
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -491,10 +495,16 @@ class Formation(LineMember):
         ahead[view.robot_id] = self.leader
         chain = chain_from(view.robot_id, ahead)
         is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
-        if not self.gap or is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads):
-            file = [robot for robot in self._ways.order(self._leads) if robot in members]
-            rank = file.index(view.robot_id)
-            self.leader = file[rank - 1] if rank else self._leads
+        file = {robot: metres for robot, metres in self._ways.distances(self._leads).items() if robot in members}
+        # Where the line gets on, and in a ring, a robot may come nearer to the head than the one before it.
+        is_mixed = self._line.turns != self._turns and any(
+            file.get(ahead.get(robot, -1), 0.0) > metres + PASSED for robot, metres in file.items()
+        )
+        self._turns = self._line.turns
+        is_broken = is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads)
+        if not self.gap or is_broken or is_mixed:
+            order = [self._leads, *file]
+            self.leader = order[order.index(view.robot_id) - 1]
             self._line = self._line if self.gap else Line()
             self.gap = self.params.spacing
 

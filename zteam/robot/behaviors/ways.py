@@ -68,13 +68,15 @@ class Ways:
         """Whether walls are on both sides there, as a robot has found."""
         return any(self._cells.get(cell) for cell in beside(cell_at(place)))
 
-    def order(self, first: int) -> list[int]:
-        """The other robots, by how far it is from the first one over the ways."""
-        steps, front, count = {cell_at(self._last[first]): 0}, [cell_at(self._last[first])], 0
+    def distances(self, first: int) -> dict[int, float]:
+        """Metres from this robot to each of the others over the ways, the nearest first; infinite without one."""
+        here, metres = self._last[first], 0.0
+        front = [cell_at(here)]
+        found = dict.fromkeys(front, metres)
         while front:
-            count += 1
-            front = [cell for cell in {c: None for at in front for c in beside(at)} if cell in self._cells and cell not in steps]
-            steps.update(dict.fromkeys(front, count))
-        far = {robot: steps.get(cell_at(at), math.inf) for robot, at in self._last.items()}
-        here = self._last[first]
-        return sorted(far.keys() - {first}, key=lambda robot: (far[robot], math.dist(self._last[robot], here), robot))
+            metres += CELL
+            around = dict.fromkeys(cell for at in front for cell in beside(at))
+            front = [cell for cell in around if cell in self._cells and cell not in found]
+            found.update(dict.fromkeys(front, metres))
+        far = {robot: found.get(cell_at(at), math.inf) for robot, at in self._last.items() if robot != first}
+        return dict(sorted(far.items(), key=lambda each: (each[1], math.dist(self._last[each[0]], here), each[0])))
