@@ -488,10 +488,11 @@ class Formation(LineMember):
         if self._is_between_walls(view, here):
             self._ways.note_walls(here[:2])
         around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
-        if not any(map(self._ways.is_between_walls, around)):
+        ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
+        is_followed = any(ahead.get(robot) == view.robot_id for robot in members)
+        if not (is_followed or any(map(self._ways.is_between_walls, around))):
             self._leave_file()
             return
-        ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
         ahead[view.robot_id] = self.leader
         chain = chain_from(view.robot_id, ahead)
         is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
