@@ -485,12 +485,11 @@ class Formation(LineMember):
         places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
         seen = {mate.robot_id: here.compose(mate.pose)[:2] for mate in view.teammates}
         self._ways.note({**seen, self._leads: self._driven.leader[:2], view.robot_id: here[:2]})
-        if self._is_between_walls(view, here):
+        if self._is_between_walls(view):
             self._ways.note_walls(here[:2])
         around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
         ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
-        is_followed = any(ahead.get(robot) == view.robot_id for robot in members)
-        if not (is_followed or any(map(self._ways.is_between_walls, around))):
+        if not any(map(self._ways.is_between_walls, around)):
             self._leave_file()
             return
         ahead[view.robot_id] = self.leader
@@ -512,13 +511,11 @@ class Formation(LineMember):
     def _leave_file(self) -> None:
         self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
 
-    def _is_between_walls(self, view: View, here: Pose2) -> bool:
-        """Whether walls are near on both sides: of the leader's trail, or of the robot that is in a file already."""
-        path = self._driven.path
-        yaw = 0.0 if self.gap else path.at(path.project(here.x, here.y)).yaw - here.yaw
-        places, mates = [Pose2(0.0, 0.0, yaw)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+    def _is_between_walls(self, view: View) -> bool:
+        """Whether walls are near on both sides."""
+        here, mates = [Pose2(0.0, 0.0, 0.0)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         shares = [
-            share_for_room(view.scan, places, mates, SIDE - right, right, view.base.half_width, BEHIND)
+            share_for_room(view.scan, here, mates, SIDE - right, right, view.base.half_width, BEHIND)
             for right in (0.0, SIDE)
             if view.scan is not None
         ]

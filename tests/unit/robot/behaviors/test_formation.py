@@ -11,7 +11,7 @@ from support.team_floor import Commanded, TeamFloor
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.formation import Shape, assign, file_behind, slots_of
+from zteam.robot.behaviors.formation import Shape, assign, slots_of
 from zteam.testing import make_view
 
 FREE = [30.0] * 91
@@ -127,12 +127,6 @@ def test_without_its_leader_it_stands_and_says_why() -> None:
     seen = make_view(FREE, robot_id=1, poses={0: (3, 0, 0), 1: (0, 0, 0)})
     assert behavior.missing(seen) == []
     assert behavior.step(seen).linear.x > 0.0
-
-
-def test_the_robots_of_a_file_are_in_their_order_round_a_bend() -> None:
-    """Each is next to its neighbour, also where the last one is nearer to the leader than one between."""
-    places = {1: (0.7, 0.9), 2: (1.6, 0.9), 3: (0.8, 0.0), 4: (1.6, 0.0)}
-    assert file_behind((0.0, 0.0), places) == [3, 4, 2, 1]
 
 
 def in_corridor(leader: Behavior, seconds: float, seed: int = 1) -> TeamFloor:
