@@ -220,6 +220,8 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     if tls is None and re.match("(unixsock-stream|unixpipe|serial|vsock)/.", endpoint):
         return endpoint
     text = re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'"))
+    # A colon too much, which would make an IPv6 address of HOST:PORT.
+    text = re.sub(r"^((?:\w+:?[/\\]+)?[^:/\\]+:\d+):[^:\d]*$", r"\1", text)
     found = _ENDPOINT.fullmatch(re.sub(r"\s+(?=\d+$)", ":", text))
     protocol, host, port, rest = found.group("protocol", "host", "port", "rest") if found else ("?", "", None, "")
     if not protocol and host.lower() in _PROTOCOLS:

@@ -50,9 +50,9 @@ class CheckedOptions(msgspec.Struct, frozen=True):
     """Options whose types hold wherever they are made, also in Python. Raises ValueError."""
 
     def __post_init__(self) -> None:
-        for key, field in _fields_of(type(self)).items():
+        for field in _fields_of(type(self)).values():
             value = plain(getattr(self, field.name))
-            for problem in _problem(value, field.type, (key,), strict=True):
+            for problem in _problem(value, field.type, (field.name,), strict=True):
                 raise ValueError(str(problem))
             msgspec.structs.force_setattr(self, field.name, msgspec.convert(value, field.type))
 
