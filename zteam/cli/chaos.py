@@ -93,7 +93,6 @@ def _processes(bus: "Bus") -> list[str]:
 
 
 def print_report(report: "ChaosReport") -> None:
-    """Print the recoveries as a table."""
     from zteam.team.chaos.carry_out import HEADER, rows, summary
 
     if report.faults:

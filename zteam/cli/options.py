@@ -235,12 +235,10 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def add_lease_option(parser: argparse._ActionsContainer) -> None:
-    """Add `--lease`; the environment gives its default."""
     text = "declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)"
     default = os.environ.get("ZTEAM_LEASE", f"{LEASE:g}")
     add_option(parser, "--lease", typed=(*LEASE_BOUNDS, "seconds"), metavar="SECONDS", default=default, help=text)

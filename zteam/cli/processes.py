@@ -150,7 +150,6 @@ def _add_robot(parser: Parser) -> None:
 
 
 def add_param_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--param`, whose values are pairs."""
     text = f"set a parameter of the behaviour, e.g. {_EXAMPLES['--param']}"
     add_repeated(parser, "--param", "KEY=VALUE", text, type=option_type(parse_param))
 
@@ -317,7 +316,6 @@ _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace],
 
 
 def build_parser(command: str) -> Parser:
-    """The command line of the `command` of a process."""
     add, _ = _KINDS[command]
     parser = Parser(prog="zteam view" if command == "zteam-view" else command, description=add.__doc__)
     add(parser)

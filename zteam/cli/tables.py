@@ -65,6 +65,10 @@ def duration_text(seconds: float) -> str:
     return f"{whole // 3600} h {whole // 60 % 60:02} min"
 
 
+def in_ms(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
+
+
 def format_message(message: Message, full: bool) -> str:
     """The message as `ros2 topic echo` prints it: one field per line, nested fields indented, long arrays cut."""
     return "\n".join(_lines(to_plain(message), "", full))

@@ -125,8 +125,10 @@ def _check(args: argparse.Namespace, world: World) -> None:
         _print_row(f"robot {robot['id']}", robot["name"], text)
     for base in summary["bases"]:
         _print_row("base", base["model"], _footprint_text(base))
-        if limits := _limits_text(base):
-            _print_row("", "", limits)
+        absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
+        limits = [f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name))]
+        if limits:
+            _print_row("", "", ", ".join(limits))
     warnings = summary["warnings"]
     print_line(*warnings)
     nouns = {"robot": world.robots, "obstacle": world.obstacles, "floor plan": world.floorplans}
@@ -199,12 +201,6 @@ def _footprint_text(base: dict[str, Any]) -> str:
         return "no footprint"
     (left, right), (low, high) = ((min(side), max(side)) for side in zip(*corners, strict=True))
     return f"footprint x {left:.3g} to {right:.3g}, y {low:.3g} to {high:.3g} m"
-
-
-def _limits_text(base: dict[str, Any]) -> str:
-    """The limits by name; what has no limit is left out."""
-    absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
-    return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name)))
 
 
 def _sensors(robot: Robot) -> list[str]:

@@ -73,8 +73,6 @@ class LockStepOptions(msgspec.Struct, frozen=True):
 
 
 class SimOptions(msgspec.Struct, frozen=True):
-    """A simulator."""
-
     world: Path
     seed: Seed = 1
     has_map: Annotated[bool, option("publish no map: zteam-map serves another one", flag="no-map")] = True

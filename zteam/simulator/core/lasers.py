@@ -29,8 +29,6 @@ class Reading(NamedTuple):
 
 
 class _Mount(NamedTuple):
-    """A ranger and the robot that carries it."""
-
     robot: int
     """Index of the robot in the engine's order."""
     place: int

@@ -143,7 +143,6 @@ CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks i
 
 
 def rights_of(team: Team) -> dict[str, Rights]:
-    """The rights of each certificate of a team, by name."""
     simulated = team.team.world != NO_WORLD
     processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
     ids = [robot.id for robot in team.robots]

@@ -48,8 +48,6 @@ _LOOPBACK = ("localhost", "127.0.0.1")
 
 
 class Issued(msgspec.Struct):
-    """One certificate that was issued."""
-
     serial: int
     expires: datetime
     hosts: tuple[str, ...] = ()
@@ -253,17 +251,9 @@ class Authority:
         key, is_authority = ec.generate_private_key(ec.SECP256R1()), issuer is None
         public, name = key.public_key(), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
         signer = key if issuer is None else issuer[0]
-        usage = x509.KeyUsage(
-            digital_signature=not is_authority,
-            key_cert_sign=is_authority,
-            crl_sign=is_authority,
-            content_commitment=False,
-            key_encipherment=False,
-            data_encipherment=False,
-            key_agreement=False,
-            encipher_only=False,
-            decipher_only=False,
-        )
+        others = "content_commitment key_encipherment data_encipherment key_agreement encipher_only decipher_only"
+        usages = dict.fromkeys(others.split(), False) | dict.fromkeys(("key_cert_sign", "crl_sign"), is_authority)
+        usage = x509.KeyUsage(digital_signature=not is_authority, **usages)
         builder = (
             x509.CertificateBuilder()
             .subject_name(name)

@@ -3,6 +3,7 @@
 import threading
 from functools import partial
 from typing import Any
+
 from zteam import names
 from zteam.clock import monotonic, to_ns, to_seconds
 from zteam.config.fault import Fault
