@@ -183,10 +183,8 @@ def _read_robot(args: argparse.Namespace) -> Read:
     spec = args.behavior if args.follow is None else "follow"
     if spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
-    base, folders = read_base(args.base), folders_of(args)
-    options = read_options(
-        RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=folders
-    )
+    base, where = read_base(args.base), folders_of(args)
+    options = read_options(RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=where)
     return names.robot_name(args.id), lambda: options
 
 

@@ -130,10 +130,8 @@ def _ask(bus: Bus, target: str, source: str, time: int = 0, timeout: float = 0.0
     if frames is None:
         raise ZteamError(NO_AGGREGATOR)
     known = _names_in(frames)
-    missing = [
-        f"frame {name!r} does not exist{near_keys(name, known)}" for name in (target, source) if name not in known
-    ]
-    raise ZteamError(("; ".join(missing) or why) + _SEE_TREE)
+    lack = [f"frame {name!r} does not exist{near_keys(name, known)}" for name in (target, source) if name not in known]
+    raise ZteamError(("; ".join(lack) or why) + _SEE_TREE)
 
 
 def _names_in(frames: Mapping[str, FrameInfo]) -> set[str]:

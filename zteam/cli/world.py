@@ -80,8 +80,9 @@ def _new(args: argparse.Namespace) -> int:
         raise UsageError(f"-o {chosen}: there is no folder {chosen.parent}: make it first")
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
-    if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\$'):
-        raise UsageError(f"{picture}: world and team files cannot hold a name with a quote or a $: give another")
+    for given, text in ((picture, name), (f"-o {chosen}", chosen.stem)):
+        if not text.isprintable() or set(text) & set('"\\$'):
+            raise UsageError(f"{given}: world and team files cannot hold a name with a quote or a $: give another")
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
     size, places = f"{width:g} x {height:g} m", find_places(occupied, metres, robots)
@@ -204,9 +205,8 @@ def _footprint_text(base: dict[str, Any]) -> str:
 
 
 def _sensors(robot: Robot) -> list[str]:
-    lasers = [
-        f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
-    ]
+    seen = [ranger for ranger in robot.rangers if ranger.is_laser]
+    lasers = [f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in seen]
     others = [(len(kind.of(robot)), kind.title) for kind in KINDS.values() if kind.topic != BASE_SCAN]
     return lasers + [counted(count, title) for count, title in others if count and title]
 

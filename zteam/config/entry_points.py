@@ -36,11 +36,9 @@ def load_offered(group: str, name: str) -> Any:
         return point.load()
     except (Exception, SystemExit) as error:
         # Importing runs foreign code, which may raise anything.
-        text = " ".join(str(error).split())
-        raise UsageError(
-            f"{name!r} of the entry points {group}: cannot import {value} of {_package(point)}: "
-            f"{type(error).__name__}: {text}"
-        ) from error
+        place, text = f"{name!r} of the entry points {group}", " ".join(str(error).split())
+        what = f"cannot import {value} of {_package(point)}"
+        raise UsageError(f"{place}: {what}: {type(error).__name__}: {text}") from error
 
 
 def _points(group: str) -> "list[EntryPoint]":

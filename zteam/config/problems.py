@@ -134,11 +134,9 @@ def _in_words(text: str, value: Any) -> str:
     what = " or ".join(_WORDS[kind] for kind in kinds)
     if found[2] or found[4]:
         bound = found[3] or found[4]
-        unit = _UNITS.get(kinds[0], "")
+        unit = _UNITS.get(kinds[0], "").removesuffix("s" if bound == "1" else "")
         # msgspec writes "below 0" as -0.0.
-        what += (
-            f" {_BOUNDS.get(found[2], 'of')} {float(bound) + 0.0:g}{unit.removesuffix('s') if bound == '1' else unit}"
-        )
+        what += f" {_BOUNDS.get(found[2], 'of')} {float(bound) + 0.0:g}{unit}"
     return f"{what} is expected, not {_shown(value)}"
 
 

@@ -336,10 +336,8 @@ class SimulatorClient:
         except QueryError as error:
             raise BusError(error.why) from None
         if not answers:
-            raise BusError(
-                "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
-                "(or name its router and namespace with --connect and --namespace)"
-            )
+            text = "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up'"
+            raise BusError(f"{text} (or name its router and namespace with --connect and --namespace)")
         return answers[0][1]
 
     def status(self) -> SimStatus:

@@ -109,13 +109,9 @@ def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:
 
 def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> messages.TFMessage:
     """map -> odom (the start pose), base_footprint -> base_link -> every device."""
-    odom, footprint, base = (
-        names.robot_frame(robot_id, own) for own in (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK)
-    )
-    found = [
-        _transform(0, names.MAP_FRAME, odom, odom_origin, 0.0),
-        _transform(0, footprint, base, Pose2(0.0, 0.0, 0.0), 0.0),
-    ]
+    own_frames, same = (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK), Pose2(0.0, 0.0, 0.0)
+    odom, footprint, base = (names.robot_frame(robot_id, own) for own in own_frames)
+    found = [_transform(0, names.MAP_FRAME, odom, odom_origin, 0.0), _transform(0, footprint, base, same, 0.0)]
     for kind in KINDS.values():
         for index, device in enumerate(kind.of(robot) if kind.link else ()):
             pose = Pose2(device.x, device.y, device.yaw)

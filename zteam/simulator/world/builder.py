@@ -81,9 +81,7 @@ def read_mass(reader: Reader) -> float:
     if mass > MAX_MASS:
         reader.fail("mass", f"mass must be at most {MAX_MASS:g} kg, not {mass:g}")
     if mass <= 0:
-        reader.remark(
-            "mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage does not use it"
-        )
+        reader.remark("mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage ignores it")
         return DEFAULT_MASS
     return mass
 

@@ -93,7 +93,7 @@ def check_writable(path: Path) -> None:
 
 
 def write_report(path: Path, text: bytes) -> None:
-    """Write the file of the report. Raises ZteamError."""
+    """Raises ZteamError."""
     try:
         path.write_bytes(text)
     except OSError as error:

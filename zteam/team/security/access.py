@@ -15,12 +15,7 @@ from zteam.node import kinds
 from zteam.team.file.entries import GRANTS, NO_WORLD, Team, navigation_of
 
 OPERATOR = names.OPERATOR
-TITLES = {
-    "publishes": "publishes",
-    "answers": "answers queries",
-    "holds": "holds tokens",
-    "asks": "changes by queries",
-}
+TITLES = {"publishes": "publishes", "answers": "answers queries", "holds": "holds tokens", "asks": "changes by queries"}
 """The fields of Rights that hold keys, and what a table calls them."""
 
 

@@ -42,10 +42,8 @@ def robot_tables(
     for name, i in [*(("follow", i) for i in follow), *(("params", i) for i in params)]:
         if i not in ids:
             raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
-    return [
-        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
-        for i in ids
-    ]
+    how = {i: ("follow", follow[i]) if i in follow else ("behavior", behavior) for i in ids}
+    return [{"id": i, how[i][0]: how[i][1], **params.get(i, {})} for i in ids]
 
 
 def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
