@@ -1,5 +1,4 @@
-"""Texts for people, readable in a plain pipe: tables, whose columns are as wide as their widest cell, durations, and
-messages."""
+"""Texts for people, readable in a pipe: tables, with columns as wide as their widest cell; durations, messages."""
 
 import shutil
 import sys

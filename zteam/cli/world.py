@@ -1,5 +1,4 @@
-"""`zteam world check | show | scan | new FILE`: check and draw a world file, print a robot's scans in it; make one of a
-picture."""
+"""`zteam world check | show | scan | new FILE`: check and draw worlds, print a robot's scans, make one of a picture."""
 
 import argparse
 import math

@@ -1,7 +1,6 @@
 """What other installed packages offer to zteam, by entry points of the groups `zteam.behaviors` and `zteam.messages`.
 
-Reading the metadata of all installed packages takes tens of milliseconds, so it is done only for a name that is not
-zteam's own.
+Reading the metadata of all packages takes tens of milliseconds, so it is done only for a name that is not zteam's own.
 """
 
 from typing import TYPE_CHECKING, Any

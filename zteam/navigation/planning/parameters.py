@@ -157,8 +157,7 @@ class WindowOptions(CheckedOptions, frozen=True):
     footprint: Any = ""
     """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"; "[]" is none. `outline` reads it."""
     footprint_padding: NotNegative = 0.03
-    """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
-    direction."""
+    """Metres; more than Nav2's 0.01: the safety layer lets no robot move that is closer than 0.025 to a wall."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

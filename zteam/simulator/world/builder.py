@@ -240,8 +240,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     `Robot.localization` is kept as the file has it (Stage's default is "gps"), but odometry starts at zero where the
     robot starts in either case: Stage's "gps" reports the pose in the world, which no real odometry can.
 
-    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with
-    `file:line:column`.
+    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with `file:line:column`.
     """
     path = Path(path)
     with name_foreign(path, "world file", *((MAP_FILE, YAML_FILE) if is_floor_map(path) else ())):

@@ -200,8 +200,7 @@ def access_control(
     rights: Mapping[str, Rights], common_names: Mapping[str, Sequence[str]], namespace: str = ""
 ) -> dict[str, Any]:
     """The section `access_control` of the router's configuration: what is not allowed here is dropped. `common_names`
-    are those that are valid now, by name; a name without one has no rights. All keys of the team are below
-    `namespace`."""
+    are those that are valid now, by name; a name without one has no rights. All keys are below `namespace`."""
     rules: list[dict[str, Any]] = []
 
     def rule(name: str, messages: Iterable[str], keys: Iterable[str], *flows: str, permission: str = "allow") -> None:

@@ -1,5 +1,4 @@
-"""What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes. Each raises
-UsageError."""
+"""What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes; or UsageError."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
