@@ -160,11 +160,8 @@ class TeamFixture:
         """Environment that makes any zteam command join this team; a secure team takes it for people's tools. A Python
         program then finds modules where the test does, behind its own, and a node ends some seconds after the team."""
         paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
-        return {
-            **self._opened_processes("environment").environment(OPERATOR),
-            "PYTHONPATH": os.pathsep.join(paths),
-            "ZTEAM_GIVE_UP": str(_ROUTERLESS),
-        }
+        own = {"PYTHONPATH": os.pathsep.join(paths), "ZTEAM_GIVE_UP": str(_ROUTERLESS)}
+        return {**self._opened_processes("environment").environment(OPERATOR), **own}
 
     @property
     def _folders(self) -> list[str]:
