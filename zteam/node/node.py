@@ -41,8 +41,6 @@ HEARTBEAT = 1.0
 _SEARCH_AFTER = 5.0
 """Host seconds, or simulated seconds of its steps, without a message after which a node looks whether anything
 publishes it."""
-_OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
-"""What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
 
 class Due(NamedTuple):
@@ -217,7 +215,7 @@ class Node(ProcessNode):
         self,
         key_expr: str,
         message_type: type[M],
-        callback: Callable[[str, M], None],
+        callback: Callable[[str, M], object],
         *,
         latched: bool = False,
         every_tick: bool = False,
@@ -240,8 +238,8 @@ class Node(ProcessNode):
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             self._unheard.discard(key_expr)
-            # A latched message may be the aggregator's, which is there before the simulator.
-            if not (latched or isinstance(message, _OF_PROCESSES)):
+            # Before there is a simulator come latched messages, such as the aggregator's, and those of processes alone.
+            if not (latched or isinstance(message, RobotStatus | NavigationStatus | TeamStatus)):
                 self.first_data = self.first_data or monotonic()
             call(key, message)
             if every_tick:
@@ -303,7 +301,7 @@ class Node(ProcessNode):
         check_call(callback, 2, f"watch_tokens({key_expr!r}, …): the callback takes the key and whether it is alive")
         super().watch_tokens(key_expr, self._failing(callback))
 
-    def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
+    def _failing(self, callback: Callable[[str, Any], object]) -> Callable[..., None]:
         """A user's `callback`, whose error ends the process."""
 
         def handle(key: str, value: Any) -> None:
@@ -426,8 +424,7 @@ class Node(ProcessNode):
         return self._inputs.lacking(self.part.tick)
 
     def _answer_lacking(self) -> Lacking:
-        tick, is_open = self.part.tick, self.part.state is TickState.OPEN
-        return Lacking(self._inputs.lacking(tick) if tick is not None and is_open else [])
+        return Lacking(self._inputs.lacking(self.part.tick) if self.part.state is TickState.OPEN else [])
 
     def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
         """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""
