@@ -42,9 +42,6 @@ class HubReceiver(NamedTuple):
     receive: Callable[[Any], object]
 
 
-Deliver = Callable[[Sequence[HubReceiver], Any], None]
-
-
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
     for _, receive in receivers:
         receive(news)
@@ -61,7 +58,7 @@ class _Entry(NamedTuple):
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self, deliver: Deliver = deliver_now) -> None:
+    def __init__(self, deliver: Callable[[Sequence[HubReceiver], Any], None] = deliver_now) -> None:
         """`deliver(receivers, news)` calls every receiver, in whatever thread."""
         self.deliver = deliver
         self.lock = threading.RLock()

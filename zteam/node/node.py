@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
-from zteam.bus.graph import find_graph, robots_of, unpublished
+from zteam.bus.graph import find_graph, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import BusError, UsageError, check_call
@@ -181,8 +181,7 @@ class Node(ProcessNode):
         """Whether `run` was called."""
         self._unheard: set[str] = set()
         """What it subscribes to and no message has come of, until it was found what publishes them."""
-        self._search = Every(_SEARCH_AFTER)
-        self._search.due()
+        self._search = Every(_SEARCH_AFTER, after=_SEARCH_AFTER)
         self.began = math.inf
         """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
@@ -379,10 +378,10 @@ class Node(ProcessNode):
 
         def search() -> None:
             with suppress(BusError):
-                graph = find_graph(self.bus)
-                if robots_of(each.key for each in graph.declarations if each.publishes) and not self.stopping:
-                    unheard, self._unheard = self._unheard, set()
-                    for key, near in unpublished(graph, unheard).items():
+                found = unpublished(find_graph(self.bus), [*self._unheard])
+                if found is not None and not self.stopping:
+                    self._unheard.clear()
+                    for key, near in found.items():
                         log.warning("nothing publishes %s%s", key, near)
 
         # A lock-step that is fast may soon be over, and one that waits for this node stands.

@@ -27,8 +27,6 @@ _PLACE = "place of an element"
 
 
 class Joint(NamedTuple):
-    """A joint between a parent link and a child link."""
-
     name: str
     kind: str
     parent: str
