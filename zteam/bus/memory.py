@@ -13,22 +13,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from zteam.bus import transport
 from zteam.bus.bus import Bus
-from zteam.bus.transport import (
-    TIMED_OUT,
-    Closeable,
-    Handle,
-    QueryHandler,
-    RawPublisher,
-    RawSample,
-    Reply,
-    SampleHandler,
-    TokenHandler,
-    Transport,
-    call,
-    check_use,
-    matches,
-)
+from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandler, Transport, call, check_use, matches
 from zteam.clock import monotonic, monotonic_times
 from zteam.messages import Message
 from zteam.messages.cdr import adopt
@@ -127,7 +114,7 @@ class MemoryTransport(Transport):
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
-    ) -> RawPublisher:
+    ) -> transport.RawPublisher:
         check_use("publish on", key, self.closed)
         passed_over, source = self.instance if to_others else "", source or self.instance
         return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
@@ -145,7 +132,7 @@ class MemoryTransport(Transport):
     def _add(self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver) -> Closeable:
         return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver)))
 
-    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+    def declare_queryable(self, key: str, handler: transport.QueryHandler) -> Closeable:
         check_use("serve", key, self.closed)
 
         def receive(query: tuple[str, bytes, Callable[[Reply], object]]) -> None:
@@ -166,7 +153,7 @@ class MemoryTransport(Transport):
             try:
                 replies.append(come.get(timeout=max(0.0, end - monotonic())))
             except queue.Empty:
-                return [*replies, TIMED_OUT]
+                return [*replies, transport.TIMED_OUT]
         return replies
 
     def declare_token(self, key: str) -> Closeable:
@@ -174,7 +161,7 @@ class MemoryTransport(Transport):
         self._hub.change_token(key, 1)
         return self._keep(Handle(lambda: self._hub.change_token(key, -1)))
 
-    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+    def watch_tokens(self, key_expr: str, handler: transport.TokenHandler) -> Closeable:
         check_use("watch", key_expr, self.closed)
         hub, receiver = self._hub, HubReceiver(self._owner, lambda news: call(handler, *news))
         with hub.lock:

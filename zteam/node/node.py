@@ -178,7 +178,6 @@ class Node(ProcessNode):
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
-        """Whether `run` was called."""
         self._unheard: set[str] = set()
         """What it subscribes to and no message has come of, until it was found what publishes them."""
         self._search = Every(_SEARCH_AFTER, after=_SEARCH_AFTER)
@@ -186,7 +185,6 @@ class Node(ProcessNode):
         """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
         self.part = Participant(self)
-        """Its part in lock-step."""
         bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
         self.on_time_reset(self._forget)
 
@@ -346,7 +344,6 @@ class Node(ProcessNode):
         self.on_input = self._advance
 
     def follow_go(self) -> None:
-        """Take the monitor's word."""
         self.hear(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:

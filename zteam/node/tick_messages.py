@@ -51,8 +51,6 @@ def precedence(message: Message) -> tuple[int, bytes]:
 
 
 class HeldMessage(NamedTuple):
-    """A message that has come."""
-
     subscription: int
     key: str
     message: Message

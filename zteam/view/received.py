@@ -22,8 +22,6 @@ M = TypeVar("M", bound=Message)
 
 
 class Arrival(msgspec.Struct, eq=False):
-    """One message."""
-
     key: str
     content: bytes | Message
     """Its bytes, until it is read; then the message, for all readers."""

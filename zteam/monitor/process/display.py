@@ -46,8 +46,6 @@ _EVENTS: Mapping[str, int | str] = {"go": "1;32", "lost": "1;31", "fault": 31, "
 
 
 class Row(msgspec.Struct):
-    """One robot."""
-
     robot: str
     state: str
     """A state of its own (`RobotState`), or `lost`, `silent`, `absent`, which the monitor sees."""
