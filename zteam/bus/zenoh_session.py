@@ -78,10 +78,8 @@ class Aside:
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
-        waiting = self._waiting
-        return zenoh.handlers.Callback(
-            lambda event: waiting.put(partial(transport.call, handler, event)), indirect=False
-        )
+        put = self._waiting.put
+        return zenoh.handlers.Callback(lambda event: put(partial(transport.call, handler, event)), indirect=False)
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
