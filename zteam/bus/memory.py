@@ -49,7 +49,7 @@ class MemoryHub:
         """`deliver(receivers, news)` calls every receiver, in whatever thread."""
         self.deliver = deliver
         self.lock = threading.RLock()
-        self._ids = itertools.count(1)
+        self.ids = itertools.count(1)
         self.timestamps = monotonic_times()
         """Of samples."""
         self.subscribers: dict[int, _Entry] = {}
@@ -64,12 +64,9 @@ class MemoryHub:
     def bus(self) -> Bus:
         return Bus(MemoryTransport(self))
 
-    def new_id(self) -> int:
-        return next(self._ids)
-
     def add(self, table: dict[int, _Entry], entry: _Entry) -> Handle:
         """A declaration, which is in a table of the hub until it is closed."""
-        number = self.new_id()
+        number = next(self.ids)
 
         def remove() -> None:
             with self.lock:
@@ -109,7 +106,7 @@ class MemoryTransport(Transport):
 
         `instance` is this session's id; empty for one that is unique on this hub.
         """
-        super().__init__(instance or f"{hub.new_id():032x}")
+        super().__init__(instance or f"{next(hub.ids):032x}")
         self._hub, self._owner = hub, owner
 
     def declare_publisher(
@@ -178,7 +175,7 @@ class MemoryPublisher(Handle):
     def __init__(self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str) -> None:
         """The session `passed_over` gets nothing. `source` is the session id that its samples carry."""
         super().__init__(self._end)
-        self._hub, self._number = hub, hub.new_id()
+        self._hub, self._number = hub, next(hub.ids)
         self._key, self._encoding, self._latched = key, encoding, latched
         self._passed_over, self._source = passed_over, source
         self._closed = False

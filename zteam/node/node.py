@@ -180,7 +180,8 @@ class Node(ProcessNode):
         self.was_run = False
         self._unheard: set[str] = set()
         """What it subscribes to and no message has come of, until it was found what publishes them."""
-        self._search = Every(_SEARCH_AFTER, after=_SEARCH_AFTER)
+        self._search = Every(_SEARCH_AFTER)
+        self._search.due()
         self.began = math.inf
         """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
