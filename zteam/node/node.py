@@ -376,9 +376,10 @@ class Node(ProcessNode):
 
         def search() -> None:
             with suppress(BusError):
-                found = unpublished(find_graph(self.bus), [*self._unheard])
+                graph, unheard = find_graph(self.bus), [*self._unheard]
+                found = unpublished(graph, unheard)
                 if found is not None and not self.stopping:
-                    self._unheard.clear()
+                    self._unheard.difference_update(unheard)
                     for key, near in found.items():
                         log.warning("nothing publishes %s%s", key, near)
 
