@@ -1,11 +1,11 @@
-"""The kernels of the safety layer (safety.c): what a base meets. As `binding.py` says."""
+"""The kernels of robots (safety.c, escape.c): what a base meets, and how it gets free. As `binding.py` says."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from zteam.kernels.binding import Floats, empty, lib, memory
+from zteam.kernels.binding import Cells, Floats, check_within, empty, ffi, lib, memory
 
 
 def meet(
@@ -71,3 +71,28 @@ def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float
 def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
     beams = distances.size
     return memory("axes", axes, 2, beams), memory("distances", distances, beams), beams
+
+
+def find_moves(
+    hits: Floats, mates: Floats, planes: Floats, headings: Floats, way: Floats, shunned: Floats, failed: Floats,
+    away: Floats, cell: float, radius: float, leaves: tuple[float, float, float],
+) -> Cells:  # fmt: skip
+    """The moves (n, 4) out of a narrow place, the last one first: kind, and column, row and heading of where it ends.
+
+    They lead along `way`; if that has no points, `leaves` metres away if there is room, at least, and from `shunned`.
+    `away` (n, n) has the distances (m) of cells of `cell` metres from the one in the middle, where the base is, whose
+    outline lies within `radius` (m). No drive begins on the 10 cells at an edge. kernels.h has the shapes of the other
+    arrays. Raises ValueError, and MemoryError.
+    """
+    size = len(away)
+    if not (20 < size < 1000 and size % 2 and 0 < len(headings) < 100 and 0.0 < radius <= 1e4 * cell < math.inf):
+        raise ValueError(f"away, headings, radius, cell: {size} rows, {len(headings)}, {radius} m, {cell} m")
+    check_within("headings", headings[:, :2], -2, 3)
+    given = [memory("away", away, size, size), size, radius, cell, *leaves]
+    for array, width in ((hits, 2), (mates, 2), (planes, 3), (headings, 4), (way, 3), (shunned, 2), (failed, 4)):
+        given += memory("points", array, len(array), width), len(array)
+    moves, made = empty(np.int64, 200, 4)
+    count = lib.find_moves(ffi.new("surroundings *", given), made)
+    if count < 0:
+        raise MemoryError("no room for a search")
+    return moves[:count]
