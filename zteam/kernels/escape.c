@@ -1,6 +1,7 @@
 /* A way out of a narrow place: turns on the spot and straight drives over a grid of places and headings, the cheapest
-   first. Points are metres in the frame of the base. A state is heading * size * size + row * size + column. */
+   first. Points are metres in the frame of the base. A state is heading * PLACES + row * SIZE + column. */
 #include <stdlib.h>
+#include <string.h>
 #include "kernels.h"
 #include "outlines.h"
 #include "sines.h"
@@ -19,8 +20,16 @@ enum {
     /* Steps that have to be free for one: the safety layer stops a robot so far ahead of a wall, and of a teammate. */
     WALL_STEPS = 3,
     MATE_STEPS = 5,
-    BORDER = 2 * MATE_STEPS, /* cells at the edge from which no drive begins: steps are up to two cells */
-    MOST_COST = 200,         /* of all moves */
+    /* Cells from the middle: where drives may begin, and the edge, beyond all that they look at (two cells a step). */
+    REACH = 32,
+    MIDDLE = REACH + 2 * MATE_STEPS,
+    SIZE = 2 * MIDDLE + 1,
+    PLACES = SIZE * SIZE,
+    START = MIDDLE * SIZE + MIDDLE,
+    HEADINGS = 16,
+    STATES = HEADINGS * PLACES,
+    MOST_COST = 200,  /* of all moves */
+    FARTHEST = 10000, /* cells from a base to its corners */
     /* Cells around the place of a move that did not work, and headings, for which none like it is tried. */
     FAILED_NEAR = 3,
     FAILED_HEADINGS = 3,
@@ -28,61 +37,73 @@ enum {
     FRONTS = 4, /* more than a step costs */
 };
 /* Forward, to the left, to the right, back; and what a step costs: where it drives back no laser looks. */
-static const int64_t KIND[KINDS] = {1, 2, -2, -1};
+static const int KIND[KINDS] = {1, 2, -2, -1};
 static const int PRICE[KINDS] = {1, 1, 1, 3};
 /* Marks of a state: the base cannot be there for a wall, or a teammate; no move of this kind begins there. */
 #define WALL 1
 #define MATE 2
 #define CLOSED(k) (4 << (k))
 
+typedef struct {
+    double left[PLACES];
+    int32_t fronts[FRONTS][STATES];
+    uint8_t marks[STATES], costs[STATES], kinds[STATES]; /* kinds: by which one it was reached */
+} memory;
+
+static double distance(const double *at, double x, double y)
+{
+    return sqrt((x - at[0]) * (x - at[0]) + (y - at[1]) * (y - at[1]));
+}
+
 /* What is left from a place to the end of the way, over the best of its points. Without a way: less the further away it
    is, and nothing is won near the base and near places that are shunned. */
-static double left_from(const surroundings *s, int64_t place)
+static double left_from(const surroundings *s, int place)
 {
-    const double x = s->cell * (double)(place % s->size - s->size / 2);
-    const double y = s->cell * (double)(place / s->size - s->size / 2);
-    if (s->points == 0) {
+    const double x = s->cell * (place % SIZE - MIDDLE), y = s->cell * (place / SIZE - MIDDLE);
+    double least = INFINITY, after = 0.0;
+    if (s->stops == 0) {
         int is_near = s->away[place] < s->least;
         for (const double *at = s->shunned; at < s->shunned + 2 * s->shunned_count; at += 2)
-            is_near |= sqrt((x - at[0]) * (x - at[0]) + (y - at[1]) * (y - at[1])) < s->beside;
+            is_near |= distance(at, x, y) < s->beside;
         return is_near ? 0.0 : -NEARER / s->leaves * s->away[place];
     }
-    double least = INFINITY;
-    for (const double *at = s->way; at < s->way + 3 * s->points; at += 3) {
-        const double off = sqrt((x - at[0]) * (x - at[0]) + (y - at[1]) * (y - at[1]));
-        const double left = at[2] + (off < ON_WAY ? 0.0 : OFF_WAY + OFF_COST * off);
+    for (int64_t i = s->stops - 1; i >= 0; i--) {
+        const double *at = s->way + 2 * i, off = distance(at, x, y);
+        const double left = after + (off < ON_WAY ? 0.0 : OFF_WAY + OFF_COST * off);
         least = left < least ? left : least;
+        after += i > 0 ? distance(at - 2, at[0], at[1]) : 0.0;
     }
     return least;
 }
 
 /* Mark the cells with points in a grid whose middle is the base. */
-static void mark_points(
-    const surroundings *s, const double *points, int64_t count, uint8_t mark, uint8_t *grid, int64_t width)
+static void mark_points(const surroundings *s, int64_t half, uint8_t *grid)
 {
-    const double most = (double)(width / 2);
-    for (const double *at = points; at < points + 2 * count; at += 2) {
-        const double column = rint(at[0] / s->cell), row = rint(at[1] / s->cell);
+    for (int64_t i = 0; i < s->count; i++) {
+        const double *at = s->points + 2 * i, column = rint(at[0] / s->cell), row = rint(at[1] / s->cell);
+        if (!(fabs(column) <= (double)half && fabs(row) <= (double)half))
+            continue;
         /* What is nearer than the margin now, by the cells, does not keep the base from moving away. */
-        if (fabs(column) <= most && fabs(row) <= most && depth_of(at[0], at[1], s->planes, s->sides) > MARGIN + s->cell)
-            grid[(width / 2 + (int64_t)row) * width + width / 2 + (int64_t)column] |= mark;
+        if (depth_of(at[0], at[1], s->planes, s->sides) > MARGIN + s->cell)
+            grid[(half + (int64_t)row) * (2 * half + 1) + half + (int64_t)column] |= i < s->hits ? WALL : WALL | MATE;
     }
 }
 
 /* Mark the states of a heading at which the base covers a marked cell, with its margin. */
 static void mark_places(
-    const surroundings *s, const double *heading, const uint8_t *grid, int64_t width, uint8_t *restrict marks)
+    const surroundings *s, const double *heading, int64_t half, const uint8_t *grid, uint8_t *restrict marks)
 {
-    const int64_t size = s->size, far = (width - size) / 2;
+    const int64_t width = 2 * half + 1, far = half - MIDDLE;
+    const double cosine = heading[3], sine = heading[4];
     for (int64_t row = -far; row <= far; row++)
         for (int64_t column = -far; column <= far; column++) {
-            const double x = s->cell * (double)column, y = s->cell * (double)row, c = heading[2], d = heading[3];
-            if (!(depth_of(c * x + d * y, c * y - d * x, s->planes, s->sides) <= MARGIN))
+            const double x = s->cell * (double)column, y = s->cell * (double)row;
+            if (!(depth_of(cosine * x + sine * y, cosine * y - sine * x, s->planes, s->sides) <= MARGIN))
                 continue;
-            for (int64_t i = 0; i < size; i++) {
-                const uint8_t *covered = grid + (i + row + far) * width + column + far;
-                for (int64_t j = 0; j < size; j++)
-                    marks[i * size + j] |= covered[j];
+            for (int64_t i = 0; i < SIZE; i++) {
+                const uint8_t *covered = grid + (far + row + i) * width + far + column;
+                for (int64_t j = 0; j < SIZE; j++)
+                    marks[i * SIZE + j] |= covered[j];
             }
         }
 }
@@ -90,34 +111,33 @@ static void mark_places(
 /* Close what is like a move that did not work: near its place, at the headings that are the most like its own. */
 static void close_failed(const surroundings *s, const double *failed, uint8_t *marks)
 {
-    const int64_t size = s->size, count = s->heading_count;
-    const double x = rint(failed[1] / s->cell) + (double)(size / 2), y = rint(failed[2] / s->cell) + (double)(size / 2);
-    double cosine, sine;
+    const double x = rint(failed[1] / s->cell) + MIDDLE, y = rint(failed[2] / s->cell) + MIDDLE;
+    double cosine, sine, like[HEADINGS];
     cosine_sine(failed[3], &cosine, &sine);
-    for (int64_t h = 0; h < count; h++) {
-        const double *own = s->headings + 4 * h, like = own[2] * cosine + own[3] * sine;
-        int64_t better = 0;
-        for (const double *other = s->headings; other < s->headings + 4 * count; other += 4)
-            better += other[2] * cosine + other[3] * sine > like;
-        for (int64_t place = 0; better < FAILED_HEADINGS && place < size * size; place++)
-            for (int k = 0; k < KINDS; k++)
-                if ((double)KIND[k] == failed[0] && fabs((double)(place % size) - x) <= FAILED_NEAR
-                    && fabs((double)(place / size) - y) <= FAILED_NEAR)
-                    marks[h * size * size + place] |= CLOSED(k);
+    for (int h = 0; h < HEADINGS; h++)
+        like[h] = s->headings[5 * h + 3] * cosine + s->headings[5 * h + 4] * sine;
+    for (int h = 0; h < HEADINGS; h++) {
+        int better = 0;
+        for (int other = 0; other < HEADINGS; other++)
+            better += like[other] > like[h];
+        for (int place = 0; place < PLACES && better < FAILED_HEADINGS; place++)
+            if (fabs(place % SIZE - x) <= FAILED_NEAR && fabs(place / SIZE - y) <= FAILED_NEAR)
+                for (int k = 0; k < KINDS; k++)
+                    marks[h * PLACES + place] |= KIND[k] == failed[0] ? CLOSED(k) : 0;
     }
 }
 
 /* By how much a state changes with a step of a kind. */
-static int64_t step_of(const surroundings *s, int64_t heading, int64_t kind)
+static int step_of(const surroundings *s, int heading, int kind)
 {
-    const double *ahead = s->headings + 4 * heading;
+    const double *ahead = s->headings + 5 * heading;
     if (kind == 1 || kind == -1)
-        return kind * (s->size * (int64_t)ahead[1] + (int64_t)ahead[0]);
-    return s->size * s->size * ((heading + kind / 2 + s->heading_count) % s->heading_count - heading);
+        return kind * (SIZE * (int)ahead[1] + (int)ahead[0]);
+    return PLACES * ((heading + kind / 2 + HEADINGS) % HEADINGS - heading);
 }
 
 /* Whether a step of a kind can be taken. */
-static int is_free(const uint8_t *marks, int64_t state, int k, int64_t step)
+static int is_free(const uint8_t *marks, int state, int k, int step)
 {
     if (marks[state] & CLOSED(k))
         return 0;
@@ -129,78 +149,78 @@ static int is_free(const uint8_t *marks, int64_t state, int k, int64_t step)
     return 1;
 }
 
-int64_t find_moves(const surroundings *s, int64_t *moves)
+/* Find the state to go to, and the kind of move by which each state is reached at the least cost. All that can be
+   reached is visited in the order of costs (Dijkstra 1959) until a place is near enough. */
+static int look_for(const surroundings *s, memory *m)
 {
-    const int64_t size = s->size, places = size * size, states = places * s->heading_count, middle = size / 2;
-    const int64_t reach = middle - BORDER, width = size + 2 * (int64_t)ceil((s->radius + MARGIN) / s->cell);
-    const int64_t start = middle * size + middle;
-    uint8_t *grid = calloc((size_t)(width * width), 1), *marks = calloc((size_t)states, 3);
-    uint8_t *costs = marks + states, *kinds = costs + states;
-    int32_t *fronts = malloc((size_t)(FRONTS * states) * sizeof *fronts);
-    double *left = malloc((size_t)places * sizeof *left);
-    int64_t counts[FRONTS] = {1}, best = start, found = -1;
-    if (!grid || !marks || !fronts || !left)
-        goto end;
-    mark_points(s, s->hits, s->hit_count, WALL, grid, width);
-    mark_points(s, s->mates, s->mate_count, WALL | MATE, grid, width);
-    for (int64_t h = 0; h < s->heading_count; h++)
-        mark_places(s, s->headings + 4 * h, grid, width, marks + h * places);
-    for (const double *failed = s->failed; failed < s->failed + 4 * s->failed_count; failed += 4)
-        close_failed(s, failed, marks);
-    for (int64_t state = 0; state < states; state++) {
-        const int64_t y = state % places / size - middle, x = state % size - middle;
-        if (x * x + y * y > reach * reach)
-            marks[state] |= CLOSED(0) | CLOSED(3);
-        costs[state] = MOST_COST;
-    }
-    for (int64_t place = 0; place < places; place++)
-        left[place] = left_from(s, place);
-    const double near_enough = left[start] - NEARER < OFF_WAY ? left[start] - NEARER : OFF_WAY;
-    double nearest = left[start] - LEAST_NEARER;
-    costs[start] = 0;
-    fronts[0] = (int32_t)start;
+    const double *left = m->left;
+    const double near_enough = left[START] - NEARER < OFF_WAY ? left[START] - NEARER : OFF_WAY;
+    double nearest = left[START] - LEAST_NEARER;
+    int best = START, counts[FRONTS] = {1};
+    memset(m->costs, MOST_COST, sizeof m->costs);
+    m->costs[START] = 0;
+    m->fronts[0][0] = START;
     for (int cost = 0; cost < MOST_COST && nearest > near_enough; cost++) {
-        /* All that costs so much, without what was reached cheaper since. Of the same use, the first state counts. */
-        int32_t *front = fronts + cost % FRONTS * states;
-        int64_t count = 0, first = -1;
-        for (int64_t i = 0; i < counts[cost % FRONTS]; i++) {
-            const int64_t state = front[i];
-            if (costs[state] != cost)
+        /* Keep what was not reached cheaper since. Of places that are as good, the first state counts. */
+        int32_t *front = m->fronts[cost % FRONTS];
+        int count = 0, first = START;
+        for (int i = 0; i < counts[cost % FRONTS]; i++) {
+            const int state = front[i];
+            if (m->costs[state] != cost)
                 continue;
-            front[count++] = (int32_t)state;
-            const double own = left[state % places], least = first < 0 ? INFINITY : left[first % places];
-            if (own < least || (own == least && state < first))
-                first = state;
+            const double own = left[state % PLACES], least = left[first % PLACES];
+            first = count == 0 || own < least || (own == least && state < first) ? state : first;
+            front[count++] = state;
         }
         counts[cost % FRONTS] = 0;
-        if (first >= 0 && left[first % places] < nearest)
-            best = first, nearest = left[first % places];
+        if (left[first % PLACES] < nearest)
+            best = first, nearest = left[first % PLACES];
         for (int k = 0; k < KINDS && nearest > near_enough; k++)
-            for (int64_t i = 0; i < count; i++) {
-                const int64_t step = step_of(s, front[i] / places, KIND[k]), end = front[i] + step;
+            for (int i = 0; i < count; i++) {
+                const int step = step_of(s, front[i] / PLACES, KIND[k]), end = front[i] + step;
                 const int total = cost + PRICE[k], slot = total % FRONTS;
-                /* The cheaper test first. */
-                if (costs[end] <= total || !is_free(marks, front[i], k, step))
+                if (m->costs[end] <= total || !is_free(m->marks, front[i], k, step))
                     continue;
-                costs[end] = (uint8_t)total, kinds[end] = (uint8_t)k;
-                fronts[slot * states + counts[slot]++] = (int32_t)end;
+                m->costs[end] = (uint8_t)total, m->kinds[end] = (uint8_t)k;
+                m->fronts[slot][counts[slot]++] = end;
             }
     }
-    found = 0;
-    for (int64_t kind = 0; best != start;) {
-        const int64_t heading = best / places, count = s->heading_count;
-        if (KIND[kinds[best]] != kind) {
-            kind = KIND[kinds[best]];
-            int64_t *move = moves + 4 * found++;
-            move[0] = kind, move[1] = best % size - middle, move[2] = best % places / size - middle, move[3] = heading;
+    return best;
+}
+
+int64_t find_moves(const surroundings *s, double *moves)
+{
+    const double far = ceil((s->radius + MARGIN) / s->cell);
+    const int64_t half = far >= 0.0 && far <= FARTHEST ? MIDDLE + (int64_t)far : 0;
+    uint8_t *grid = half ? calloc((size_t)(2 * half + 1), (size_t)(2 * half + 1)) : NULL;
+    memory *m = calloc(1, sizeof *m);
+    int64_t count = m && grid ? 0 : -1;
+    if (count == 0) {
+        mark_points(s, half, grid);
+        for (int h = 0; h < HEADINGS; h++)
+            mark_places(s, s->headings + 5 * h, half, grid, m->marks + h * PLACES);
+        for (int64_t i = 0; i < s->failed_count; i++)
+            close_failed(s, s->failed + 4 * i, m->marks);
+        for (int state = 0; state < STATES; state++) {
+            const int x = state % SIZE - MIDDLE, y = state % PLACES / SIZE - MIDDLE;
+            m->marks[state] |= x * x + y * y > REACH * REACH ? CLOSED(0) | CLOSED(3) : 0;
         }
-        const int is_turn = kind == 2 || kind == -2;
-        best -= step_of(s, is_turn ? (heading - kind / 2 + count) % count : heading, kind);
+        for (int place = 0; place < PLACES; place++)
+            m->left[place] = left_from(s, place);
+        /* From the end of the last move: one goes on where the step before is of the same kind. */
+        double *move = moves + 4 * MOST_COST;
+        for (int at = look_for(s, m), last = 0; at != START;) {
+            const int heading = at / PLACES, kind = KIND[m->kinds[at]];
+            if (kind != last) {
+                move -= 4, count++;
+                move[0] = kind, move[3] = s->headings[5 * heading + 2];
+                move[1] = s->cell * (at % SIZE - MIDDLE), move[2] = s->cell * (at % PLACES / SIZE - MIDDLE);
+            }
+            last = kind;
+            at -= step_of(s, kind == 1 || kind == -1 ? heading : (heading - kind / 2 + HEADINGS) % HEADINGS, kind);
+        }
     }
-end:
     free(grid);
-    free(marks);
-    free(fronts);
-    free(left);
-    return found;
+    free(m);
+    return count;
 }

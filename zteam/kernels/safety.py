@@ -4,8 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from zteam.kernels.binding import Cells, Floats, check_within, empty, ffi, lib, memory
+from zteam.kernels.binding import Floats, check_within, empty, ffi, lib, memory
 
 
 def meet(
@@ -18,10 +19,9 @@ def meet(
     is constant (m/s forwards and to the left, rad/s), its outline the half-planes `planes` (m, 3): outward
     normal of length 1, offset (m). Of `points` (2, n) those in the `disc` (x, y, radius) count, all in the base frame.
     """
-    count, sides, (x, y, turn) = points.shape[-1], len(planes), velocity
+    count, sides = points.shape[-1], len(planes)
     given = memory("points", points, 2, count), count, memory("planes", planes, sides, 3), sides
-    met: float = lib.meet(*given, x, y, turn, seconds, margin, *disc)
-    return met
+    return float(lib.meet(*given, *velocity, seconds, margin, *disc))
 
 
 def move_points(points: Floats, x: float, y: float, turn: float) -> None:
@@ -56,16 +56,14 @@ def look_along(axes: Floats, distances: Floats, half_width: float, heading: floa
 
     `axes` and `distances` are as for `see`.
     """
-    nearest: float = lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf)
-    return nearest
+    return float(lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf))
 
 
 def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float, headings: Floats) -> int:
     """Which of `headings` (n, rad) is the first whose corridor, as of `look_along`, is clear for `reach` (m), or -1."""
     count = len(headings)
     given = *_scan(axes, distances), half_width, reach, memory("headings", headings, count), count
-    found: int = lib.first_clear(*given)
-    return found
+    return int(lib.first_clear(*given))
 
 
 def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
@@ -74,25 +72,23 @@ def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
 
 
 def find_moves(
-    hits: Floats, mates: Floats, planes: Floats, headings: Floats, way: Floats, shunned: Floats, failed: Floats,
-    away: Floats, cell: float, radius: float, leaves: tuple[float, float, float],
-) -> Cells:  # fmt: skip
-    """The moves (n, 4) out of a narrow place, the last one first: kind, and column, row and heading of where it ends.
+    planes: Floats, radius: float, points: ArrayLike, hits: int, way: ArrayLike, shunned: ArrayLike, failed: ArrayLike,
+    headings: Floats, cell: float, leaves: tuple[float, float, float],
+) -> Floats:  # fmt: skip
+    """The moves (n, 4) of a base out of a narrow place: the kind of each, and x, y and yaw of where it ends.
 
-    They lead along `way`; if that has no points, `leaves` metres away if there is room, at least, and from `shunned`.
-    `away` (n, n) has the distances (m) of cells of `cell` metres from the one in the middle, where the base is, whose
-    outline lies within `radius` (m). No drive begins on the 10 cells at an edge. kernels.h has the shapes of the other
-    arrays. Raises ValueError, and MemoryError.
+    They lead along `way`. If it has no points, they lead away: `leaves` are the metres from the base if there is room,
+    at least, and from places `shunned`. Of `points` the first `hits` are on what stands around, the others on
+    teammates. kernels.h has the shapes. Raises ValueError, and MemoryError if `radius` (m) is more than 10 000 cells.
     """
-    size = len(away)
-    if not (20 < size < 1000 and size % 2 and 0 < len(headings) < 100 and 0.0 < radius <= 1e4 * cell < math.inf):
-        raise ValueError(f"away, headings, radius, cell: {size} rows, {len(headings)}, {radius} m, {cell} m")
+    places = cell * np.arange(-42, 43)
+    given = [memory("headings", headings, 16, 5), memory("away", np.hypot(places, places[:, None]), 85, 85)]
     check_within("headings", headings[:, :2], -2, 3)
-    given = [memory("away", away, size, size), size, radius, cell, *leaves]
-    for array, width in ((hits, 2), (mates, 2), (planes, 3), (headings, 4), (way, 3), (shunned, 2), (failed, 4)):
-        given += memory("points", array, len(array), width), len(array)
-    moves, made = empty(np.int64, 200, 4)
-    count = lib.find_moves(ffi.new("surroundings *", given), made)
+    for rows, width in ((planes, 3), (points, 2), (way, 2), (shunned, 2), (failed, 4)):
+        array = np.array(rows, float, order="C").reshape(-1, width)
+        given += memory("rows", array, *array.shape), len(array)
+    moves, made = empty(np.float64, 200, 4)
+    count = lib.find_moves(ffi.new("surroundings *", (*given, hits, radius, cell, *leaves)), made)
     if count < 0:
-        raise MemoryError("no room for a search")
-    return moves[:count]
+        raise MemoryError(f"no room for a search with cells of {cell} m and a base of {radius} m")
+    return moves[len(moves) - count :]

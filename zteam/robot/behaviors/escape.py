@@ -21,18 +21,10 @@ from zteam.robot.view import View, beams_of
 
 CELL = 0.05
 """Metres: side of a cell of the search. The robot stands on the middle one, and its x axis is the search's."""
-REACH = 1.6
-"""Metres from the robot up to which it looks for a way."""
-MIDDLE = 42
-"""Cells from the middle to the edge of the search: 10 more than the robot may drive, for what it drives towards."""
-HEADINGS = tuple(
-    (x * ahead - y * aside, y * ahead + x * aside)
-    for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))
-    for ahead, aside in ((2, 0), (2, 1), (1, 1), (1, 2))
-)
-"""Cells of a step forward, counter-clockwise."""
-ANGLES = tuple(math.atan2(y, x) for x, y in HEADINGS)
-_HEADINGS = np.array([(*step, math.cos(yaw), math.sin(yaw)) for step, yaw in zip(HEADINGS, ANGLES, strict=True)])
+_HALF = ((2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (-1, 2), (-1, 1), (-2, 1))
+STEPS = (*_HALF, *((-x, -y) for x, y in _HALF))
+"""Cells of a step forward for each heading, counter-clockwise."""
+_HEADINGS = np.array([(x, y, yaw := math.atan2(y, x), math.cos(yaw), math.sin(yaw)) for x, y in STEPS])
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
 BESIDE = 0.9
@@ -65,20 +57,15 @@ def find_moves(
     like them is tried near there. All is in the robot's base frame now.
     """
     outline = outline_of(view.base.footprint)
-    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    # Teammates more metres away are out of reach.
+    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 3.2 + mate.base.radius]
     borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
-    points = np.array(way, float).reshape(-1, 2)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)[: len(points)]
-    places = CELL * np.arange(-MIDDLE, MIDDLE + 1)
     found = kernels.find_moves(
-        hits=hits.T.copy(), mates=np.hstack([np.empty((2, 0)), *borders]).T.copy(), planes=outline.rows,
-        headings=_HEADINGS, way=np.column_stack((points, after)),
-        shunned=np.array([*shunned, *(mate.pose[:2] for mate in view.teammates)], float).reshape(-1, 2),
-        failed=np.array([(kind, *pose) for kind, pose in failed], float).reshape(-1, 4),
-        away=np.hypot(places, places[:, None]), cell=CELL, radius=outline.radius, leaves=(AWAY, LEAST_AWAY, BESIDE),
+        outline.rows, outline.radius, np.hstack([hits, *borders]).T, hits.shape[1], way,
+        [*shunned, *(mate.pose[:2] for mate in view.teammates)], [(kind, *pose) for kind, pose in failed],
+        _HEADINGS, CELL, (AWAY, LEAST_AWAY, BESIDE),
     )  # fmt: skip
-    return [Move(kind, Pose2(CELL * x, CELL * y, ANGLES[heading])) for kind, x, y, heading in found[::-1].tolist()]
+    return [Move(int(kind), Pose2(x, y, yaw)) for kind, x, y, yaw in found.tolist()]
 
 
 TURNS_WITHIN = to_ns(1.0)
