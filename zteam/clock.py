@@ -256,9 +256,9 @@ class AutoClock:
 class Every:
     """True once per `period` host seconds: limits the rate of warnings in a log."""
 
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._next = float("-inf")
+    def __init__(self, period: float, *, after: float = 0.0) -> None:
+        """The first one is due `after` so many host seconds."""
+        self._period, self._next = period, time.monotonic() + after
 
     def left(self) -> float:
         """Host seconds until it is due; 0 if it is."""

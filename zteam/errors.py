@@ -62,8 +62,7 @@ class EncodeError(ZteamError):
 
 
 def check_call(function: object, arguments: int, text: str) -> None:
-    """Raise UsageError with `text` if a user's `function` cannot be called with so many arguments, or if a call would
-    not run it."""
+    """Raise UsageError with `text` unless a user's `function` can be called with so many arguments, and is run then."""
     import inspect
 
     kinds = inspect.iscoroutinefunction, inspect.isasyncgenfunction, inspect.isgeneratorfunction

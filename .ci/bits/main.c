@@ -193,6 +193,44 @@ static void look(void)
     tell("safety");
 }
 
+/* A base in a drawn corner looks for ways out, along ways and without one. */
+static void escape(void)
+{
+    enum { POINTS = 300, SIDE = 85 };
+    static double headings[16][5], away[SIDE][SIDE], points[POINTS][2], moves[200][4];
+    const double planes[4][3] = {{1.0, 0.0, 0.13}, {-1.0, 0.0, 0.23}, {0.0, 1.0, 0.17}, {0.0, -1.0, 0.17}};
+    const int steps[4][2] = {{2, 0}, {2, 1}, {1, 1}, {1, 2}};
+    double way[3][2], failed[2][4];
+    for (int h = 0; h < 16; h++) {
+        double ahead = steps[h % 4][0], aside = steps[h % 4][1];
+        for (int quarter = 0; quarter < h / 4; quarter++) {
+            const double before = ahead;
+            ahead = -aside, aside = before;
+        }
+        headings[h][0] = ahead, headings[h][1] = aside, headings[h][2] = angle_of(ahead, aside);
+        cosine_sine(headings[h][2], &headings[h][3], &headings[h][4]);
+    }
+    for (int i = 0; i < SIDE; i++)
+        for (int j = 0; j < SIDE; j++)
+            away[i][j] = 0.05 * sqrt((i - 42) * (i - 42) + (j - 42) * (j - 42));
+    for (int round = 0; round < 60; round++) {
+        for (int i = 0; i < POINTS; i++)
+            points[i][0] = drawn(-2.0, 2.0), points[i][1] = (i % 2 ? 1.0 : -1.0) * drawn(0.3, 1.2);
+        for (int i = 0; i < 3; i++)
+            way[i][0] = drawn(-2.0, 2.0), way[i][1] = drawn(-0.5, 0.5);
+        for (int i = 0; i < 2; i++) {
+            failed[i][0] = i + 1.0;
+            for (int part = 1; part < 4; part++)
+                failed[i][part] = drawn(-0.3, 0.3);
+        }
+        const surroundings around = {headings[0], away[0], planes[0], 4, points[0], POINTS, way[0], round % 4, way[0], 1,
+                                     failed[0], 2, POINTS - 10, 0.29, 0.05, 1.0, 0.6, 0.9};
+        const int64_t count = find_moves(&around, moves[0]);
+        add(&count, sizeof count), add(moves[200 - count], (size_t)count * sizeof *moves);
+    }
+    tell("escape");
+}
+
 int main(void)
 {
     fill_map();
@@ -202,5 +240,6 @@ int main(void)
     drive();
     localise();
     look();
+    escape();
     return 0;
 }

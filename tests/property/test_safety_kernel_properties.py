@@ -123,6 +123,8 @@ def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: l
         (lambda a: safety.look_along(a, a[2], 0.1, 0.0), "axes"),
         (lambda a: safety.look_along(a[:2, ::2], a[2, ::2], 0.1, 0.0), "axes"),
         (lambda a: safety.first_clear(a[:2], a[2], 0.1, 1.0, a), "headings"),
+        (lambda a: safety.find_moves(a, 0.3, (), 0, (), (), (), a, 0.05, EVERYWHERE), "headings"),
+        (lambda a: safety.find_moves(a, 0.3, (), 0, (), (), (), np.full((16, 5), 3.0), 0.05, EVERYWHERE), "headings"),
     ],
 )
 def test_what_does_not_fit_is_refused(call: Any, name: str) -> None:

@@ -222,17 +222,15 @@ def near_keys(key: str, known: Collection[str]) -> str:
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
 
 
-def unpublished(graph: Graph, keys: Iterable[str], heard: Collection[str] = ()) -> dict[str, str]:
-    """`: did you mean X?` or nothing, by each of these keys, wildcards too, that nothing publishes. Empty while no
+def unpublished(graph: Graph, keys: Iterable[str], heard: Collection[str] = ()) -> dict[str, str] | None:
+    """`: did you mean X?` or nothing, by each of these keys, wildcards too, that nothing publishes. None while no
     robot's data is published. `heard` are the keys on which messages were received."""
     published = {key for key in graph.known_keys() if graph.publishers(key)} | {*heard}
     robots = robots_of(published)
-    found = {}
-    for key in sorted(keys) if robots else ():
-        if not any(matches(key, other) for other in published):
-            one = next(iter(names.keys_in(key, robots)), key)
-            found[key] = near_keys(one, published)
-    return found
+    if not robots:
+        return None
+    missing = [key for key in sorted(keys) if not any(matches(key, other) for other in published)]
+    return {key: near_keys(next(iter(names.keys_in(key, robots)), key), published) for key in missing}
 
 
 def describe_sessions(bus: Bus, sessions: Sequence[str]) -> dict[str, str]:

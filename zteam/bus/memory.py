@@ -13,22 +13,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from zteam.bus import transport
 from zteam.bus.bus import Bus
-from zteam.bus.transport import (
-    TIMED_OUT,
-    Closeable,
-    Handle,
-    QueryHandler,
-    RawPublisher,
-    RawSample,
-    Reply,
-    SampleHandler,
-    TokenHandler,
-    Transport,
-    call,
-    check_use,
-    matches,
-)
+from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandler, Transport, call, check_use, matches
 from zteam.clock import monotonic, monotonic_times
 from zteam.messages import Message
 from zteam.messages.cdr import adopt
@@ -40,9 +27,6 @@ class HubReceiver(NamedTuple):
     owner: str
     """Of the session, as the session was told."""
     receive: Callable[[Any], object]
-
-
-Deliver = Callable[[Sequence[HubReceiver], Any], None]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
@@ -61,11 +45,11 @@ class _Entry(NamedTuple):
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self, deliver: Deliver = deliver_now) -> None:
+    def __init__(self, deliver: Callable[[Sequence[HubReceiver], Any], None] = deliver_now) -> None:
         """`deliver(receivers, news)` calls every receiver, in whatever thread."""
         self.deliver = deliver
         self.lock = threading.RLock()
-        self._ids = itertools.count(1)
+        self.ids = itertools.count(1)
         self.timestamps = monotonic_times()
         """Of samples."""
         self.subscribers: dict[int, _Entry] = {}
@@ -80,12 +64,9 @@ class MemoryHub:
     def bus(self) -> Bus:
         return Bus(MemoryTransport(self))
 
-    def new_id(self) -> int:
-        return next(self._ids)
-
     def add(self, table: dict[int, _Entry], entry: _Entry) -> Handle:
         """A declaration, which is in a table of the hub until it is closed."""
-        number = self.new_id()
+        number = next(self.ids)
 
         def remove() -> None:
             with self.lock:
@@ -125,12 +106,12 @@ class MemoryTransport(Transport):
 
         `instance` is this session's id; empty for one that is unique on this hub.
         """
-        super().__init__(instance or f"{hub.new_id():032x}")
+        super().__init__(instance or f"{next(hub.ids):032x}")
         self._hub, self._owner = hub, owner
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
-    ) -> RawPublisher:
+    ) -> transport.RawPublisher:
         check_use("publish on", key, self.closed)
         passed_over, source = self.instance if to_others else "", source or self.instance
         return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
@@ -148,7 +129,7 @@ class MemoryTransport(Transport):
     def _add(self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver) -> Closeable:
         return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver)))
 
-    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+    def declare_queryable(self, key: str, handler: transport.QueryHandler) -> Closeable:
         check_use("serve", key, self.closed)
 
         def receive(query: tuple[str, bytes, Callable[[Reply], object]]) -> None:
@@ -169,7 +150,7 @@ class MemoryTransport(Transport):
             try:
                 replies.append(come.get(timeout=max(0.0, end - monotonic())))
             except queue.Empty:
-                return [*replies, TIMED_OUT]
+                return [*replies, transport.TIMED_OUT]
         return replies
 
     def declare_token(self, key: str) -> Closeable:
@@ -177,7 +158,7 @@ class MemoryTransport(Transport):
         self._hub.change_token(key, 1)
         return self._keep(Handle(lambda: self._hub.change_token(key, -1)))
 
-    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+    def watch_tokens(self, key_expr: str, handler: transport.TokenHandler) -> Closeable:
         check_use("watch", key_expr, self.closed)
         hub, receiver = self._hub, HubReceiver(self._owner, lambda news: call(handler, *news))
         with hub.lock:
@@ -194,7 +175,7 @@ class MemoryPublisher(Handle):
     def __init__(self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str) -> None:
         """The session `passed_over` gets nothing. `source` is the session id that its samples carry."""
         super().__init__(self._end)
-        self._hub, self._number = hub, hub.new_id()
+        self._hub, self._number = hub, next(hub.ids)
         self._key, self._encoding, self._latched = key, encoding, latched
         self._passed_over, self._source = passed_over, source
         self._closed = False

@@ -42,8 +42,6 @@ LEASE = 2.0 * HOST_FACTOR
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 LEASE_BOUNDS = (0.1, 7200.0)
 """Of a lease that a user asks for."""
-GIVE_UP_BOUNDS = (0.1, 86_400.0)
-"""Of the time without a router, in host seconds."""
 
 ROUTER_ANSWER = 5.0
 """Host seconds for the router's answer; it, or a process that it asks, may be busy."""
@@ -62,9 +60,6 @@ cost of a message is waking threads (docs/benchmarks.md).
 for a late subscriber, would wait for the very thread that makes room. `usual` has one more for sending. The router has
 two for receiving, so that one that waits for a slow client does not hold the others.
 """
-
-_ARENA_MAX = -8
-"""M_ARENA_MAX of mallopt(3)."""
 
 
 class TlsFiles(msgspec.Struct, frozen=True):
@@ -148,7 +143,7 @@ class BusOptions(msgspec.Struct, frozen=True):
         # `clock` has made HOST_FACTOR of it.
         _number_from("ZTEAM_PATIENCE", *PATIENCE_BOUNDS, "a factor")
         tls = TlsFiles.from_environment()
-        give_up = _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
+        give_up = _number_from("ZTEAM_GIVE_UP", 0.1, 86_400.0, "seconds")
         return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
@@ -164,10 +159,6 @@ class BusOptions(msgspec.Struct, frozen=True):
         return {"--connect": connect, "--namespace": self.namespace or "", "--config": self.config or ""}
 
 
-OWNER_VARIABLE = "ZTEAM_OWNER"
-"""The user that a process in a container belongs to: its own user id there says nothing about the host's users."""
-
-
 class Owner(msgspec.Struct, frozen=True):
     """A process's user, as a router reports it in Zenoh's admin space."""
 
@@ -175,7 +166,7 @@ class Owner(msgspec.Struct, frozen=True):
     pid_namespace: str = ""
     """As Linux names it (pid_namespaces(7)); empty elsewhere. User ids of one namespace can be compared."""
     user: str = ""
-    """ZTEAM_OWNER; empty without it."""
+    """ZTEAM_OWNER, of a process in a container: its user id says nothing about the host's users. Empty without it."""
 
     @classmethod
     def of_this_process(cls) -> "Owner":
@@ -183,7 +174,7 @@ class Owner(msgspec.Struct, frozen=True):
             namespace = str(Path("/proc/self/ns/pid").readlink())
         except OSError:
             namespace = ""
-        return cls(os.getuid(), namespace, os.environ.get(OWNER_VARIABLE, ""))
+        return cls(os.getuid(), namespace, os.environ.get("ZTEAM_OWNER", ""))
 
     def is_another_user(self) -> bool:
         """Whether this process's user is certainly another one.
@@ -220,6 +211,8 @@ def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     if tls is None and re.match("(unixsock-stream|unixpipe|serial|vsock)/.", endpoint):
         return endpoint
     text = re.sub(r"\s*([:/])\s*", r"\1", endpoint.strip(" \t\r\n\"'"))
+    # A colon too much, which would make an IPv6 address of HOST:PORT.
+    text = re.sub(r"^((?:\w+:?[/\\]+)?[^:/\\]+:\d+):[^:\d]*$", r"\1", text)
     found = _ENDPOINT.fullmatch(re.sub(r"\s+(?=\d+$)", ":", text))
     protocol, host, port, rest = found.group("protocol", "host", "port", "rest") if found else ("?", "", None, "")
     if not protocol and host.lower() in _PROTOCOLS:
@@ -278,7 +271,8 @@ def share_arenas() -> None:
     With one for each thread, every router that is lost and found again leaves half a megabyte unused in a process.
     """
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).mallopt(_ARENA_MAX, 1)
+        # -8 is M_ARENA_MAX (mallopt(3)).
+        ctypes.CDLL(None).mallopt(-8, 1)
 
 
 def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:

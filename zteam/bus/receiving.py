@@ -28,8 +28,6 @@ _CDR = "application/cdr;"
 
 
 class KeyCount(msgspec.Struct):
-    """Messages on one key."""
-
     received: int = 0
     dropped: int = 0
     last_drop_age: float | None = None

@@ -81,8 +81,6 @@ class PortInUseError(BusError):
 
 
 class RouterSession(msgspec.Struct):
-    """A session at a router."""
-
     peer: str = ""
     """Its id."""
     whatami: str = ""
@@ -399,7 +397,6 @@ def _state_file(endpoint: str, suffix: str) -> Path:
 
 
 def router_log_path(endpoint: str) -> Path:
-    """Log file of the router on demand."""
     return _state_file(endpoint, "log")
 
 

@@ -74,7 +74,11 @@ def zenoh_text(error: zenoh.ZError) -> str:
 
 def problem_of(key: str) -> str:
     """What is wrong with a key expression, and the one that is meant; empty if nothing is wrong."""
-    problem = _fault_of(key)
+    problem = "spaces at its ends would be a part of it" if key != key.strip() else ""
+    try:
+        zenoh.KeyExpr(key)
+    except zenoh.ZError as error:
+        problem = problem or zenoh_text(error)
     if not problem:
         return ""
     # Users of ROS begin a topic with a slash; a wildcard within a part is $*.
@@ -85,16 +89,6 @@ def problem_of(key: str) -> str:
     except zenoh.ZError:
         hint = ""
     return f"{key!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}"
-
-
-def _fault_of(key: str) -> str:
-    if key != key.strip():
-        return "spaces at its ends would be a part of it"
-    try:
-        zenoh.KeyExpr(key)
-    except zenoh.ZError as error:
-        return zenoh_text(error)
-    return ""
 
 
 def matches(key_expr: str, other: str) -> bool:

@@ -16,25 +16,11 @@ from typing import Any, TypeVar
 import zenoh
 import zenoh.ext
 
+from zteam.bus import transport
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.transport import (
-    TIMED_OUT,
-    Closeable,
-    Handle,
-    QueryHandler,
-    RawPublisher,
-    RawSample,
-    Reply,
-    SampleHandler,
-    TokenHandler,
-    Transport,
-    call,
-    check_use,
-    let_end,
-    zenoh_text,
-)
+from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandler, Transport, check_use, zenoh_text
 from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
@@ -92,13 +78,13 @@ class Aside:
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
-        waiting = self._waiting
-        return zenoh.handlers.Callback(lambda event: waiting.put(partial(call, handler, event)), indirect=False)
+        put = self._waiting.put
+        return zenoh.handlers.Callback(lambda event: put(partial(transport.call, handler, event)), indirect=False)
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
         self._waiting.put(None)
-        let_end(self._thread)
+        transport.let_end(self._thread)
 
     def _work(self) -> None:
         while True:
@@ -230,7 +216,7 @@ class ZenohPublisher(Handle):
 class TokenWatch(Handle):
     """Tells a handler of tokens that are there, come or go. `receive` and `look` are called on one thread."""
 
-    def __init__(self, session: zenoh.Session, key_expr: str, handler: TokenHandler, thread: Aside) -> None:
+    def __init__(self, session: zenoh.Session, key_expr: str, handler: transport.TokenHandler, thread: Aside) -> None:
         """The handler is called on `thread`. Raises zenoh.ZError."""
         self._session, self._key_expr, self._handler = session, key_expr, handler
         self._alive: set[str] = set()
@@ -262,7 +248,7 @@ class TokenWatch(Handle):
         missing = self._alive - there
         for key in sorted(missing & self._missing):
             log.debug("the end of %s was not told", key)
-            call(partial(self.receive, alive=False), key)
+            transport.call(partial(self.receive, alive=False), key)
         self._missing = missing
 
 
@@ -328,7 +314,7 @@ class ZenohTransport(Transport):
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
-    ) -> RawPublisher:
+    ) -> transport.RawPublisher:
         options: dict[str, Any] = {
             "encoding": zenoh.Encoding(encoding),
             "congestion_control": zenoh.CongestionControl.DROP,
@@ -395,7 +381,7 @@ class ZenohTransport(Transport):
             # Closed meanwhile.
             log.debug("latched: %s", zenoh_text(error))
 
-    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+    def declare_queryable(self, key: str, handler: transport.QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
             self._answers.answer(key, lambda: handler(str(query.key_expr), payload), partial(_reply, query))
@@ -418,16 +404,16 @@ class ZenohTransport(Transport):
                 replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
             elif reply.err is not None:
                 text = reply.err.payload.to_bytes()
-                replies.append(TIMED_OUT if text == _TIMEOUT else Reply("", text, True))
+                replies.append(transport.TIMED_OUT if text == _TIMEOUT else Reply("", text, True))
         if not replies and monotonic() - begin >= _MOST * timeout:
             # The session's own timer adds this error, unless the router's ends the query first.
-            replies.append(TIMED_OUT)
+            replies.append(transport.TIMED_OUT)
         return replies
 
     def declare_token(self, key: str) -> Closeable:
         return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
-    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+    def watch_tokens(self, key_expr: str, handler: transport.TokenHandler) -> Closeable:
         session, thread = self._session, self._presence
         return self._keep(self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, thread)))
 
@@ -452,7 +438,7 @@ class ZenohTransport(Transport):
         if up != self.up:
             self.up = up
             for handler in list(self._link_handlers):
-                call(handler, up)
+                transport.call(handler, up)
 
     def before_close(self, call: Callable[[], None]) -> None:
         """Call it when the session is about to be closed, also at the interpreter's end."""

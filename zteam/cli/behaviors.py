@@ -67,16 +67,10 @@ def format_behavior(info: BehaviorInfo) -> str:
 def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any] | None = None) -> str:
     """A table of the parameters, indented; with `values` their present values, else their defaults."""
     shown = {each.name: each.default for each in parameters} if values is None else values
-    rows = [
-        (
-            each.name,
-            "required" if values is None and each.required else value_text(shown.get(each.name)),
-            each.type,
-            limits_text(each.limits),
-            each.description,
-        )
-        for each in parameters
-    ]
+    rows = []
+    for each in parameters:
+        value = "required" if values is None and each.required else value_text(shown.get(each.name))
+        rows.append((each.name, value, each.type, limits_text(each.limits), each.description))
     header = ("parameter", "default" if values is None else "value", "type", "allowed", "description")
     return format_table(header, rows, "  ", width=terminal_width())
 

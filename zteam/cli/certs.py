@@ -51,9 +51,8 @@ def build_parser() -> Parser:
         add_log_options(sub)
         return sub
 
-    init = verb(
-        "init", _init, "make the authority and a certificate for each process of a team; again: take another team"
-    )
+    text = "make the authority and a certificate for each process of a team; again: take another team"
+    init = verb("init", _init, text)
     init.add_argument("team", nargs="?", default="line", metavar="TEAM", help="a team file (default: %(default)s)")
     init.takes_assignments = True
     init.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help="arguments of the team file")
@@ -127,10 +126,8 @@ def _renew(args: argparse.Namespace) -> None:
             last = authority.index.last(name)
             _issue_now(authority, [name], args.host or (last.hosts if last else ()), args.days)
             if last is not None and last.state in ("valid", "expires_soon"):
-                print_line(
-                    f"{name}.{last.serial} stays valid until {last.expires:%Y-%m-%d}, or until "
-                    f"'zteam certs revoke {name}.{last.serial}'"
-                )
+                text = f"{name}.{last.serial} stays valid until {last.expires:%Y-%m-%d}, or until"
+                print_line(f"{text} 'zteam certs revoke {name}.{last.serial}'")
 
 
 def _revoke(args: argparse.Namespace) -> None:
@@ -141,19 +138,15 @@ def _revoke(args: argparse.Namespace) -> None:
             one = bool(dot) and number.isdecimal() and word not in authority.index.certificates
             taken = authority.revoke(name, int(number)) if one else authority.revoke(word)
             listed = ", ".join(f"{name if one else word}.{serial}" for serial in taken)
-            print_line(
-                f"revoked: {listed}; a router has it out 2 s after it has {ACCESS}" if taken else f"{word} was revoked"
-            )
+            text = f"revoked: {listed}; a router has it out 2 s after it has {ACCESS}"
+            print_line(text if taken else f"{word} was revoked")
 
 
 def _list(args: argparse.Namespace) -> None:
     index = read_index(args.folder)
     own = Issued(0, load_certificate(args.folder / CA).not_valid_after_utc)
-    rows = [
-        Row(name, each.serial, each.expires.isoformat(), each.left, each.state, each.hosts)
-        for name, found in [("authority", [own]), *sorted(index.certificates.items())]
-        for each in found
-    ]
+    listed = [("authority", [own]), *sorted(index.certificates.items())]
+    rows = [Row(name, c.serial, c.expires.isoformat(), c.left, c.state, c.hosts) for name, own in listed for c in own]
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
     print_json(rows) if args.json else print_block(format_table(("name", "serial", "expires in", "state"), cells))
 

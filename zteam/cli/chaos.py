@@ -69,12 +69,9 @@ def _work(args: argparse.Namespace) -> int:
             print_block(text, file=sys.stdout if args.print else sys.stderr)
         if args.print:
             return 0
-        report = carry_out(
-            plan,
-            Watchdog(TeamObserver(bus), lockstep=lockstep, simulated=status is not None),
-            means_on_bus(bus, lockstep=lockstep),
-            say=lambda line: print_line(line, file=sys.stderr),
-        )
+        watchdog = Watchdog(TeamObserver(bus), lockstep=lockstep, simulated=status is not None)
+        means, say = means_on_bus(bus, lockstep=lockstep), partial(print_line, file=sys.stderr)
+        report = carry_out(plan, watchdog, means, say=say)
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
     if problem and not report.violations:
         raise ZteamError(problem)
@@ -93,7 +90,6 @@ def _processes(bus: "Bus") -> list[str]:
 
 
 def print_report(report: "ChaosReport") -> None:
-    """Print the recoveries as a table."""
     from zteam.team.chaos.carry_out import HEADER, rows, summary
 
     if report.faults:

@@ -3,8 +3,10 @@
 import argparse
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from contextlib import closing, contextmanager
+from typing import Any
 
 from zteam.bus import Bus, connect
 from zteam.bus.graph import SURVEY, find_graph, near_keys
@@ -63,9 +65,15 @@ class Waiter:
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
+        self.received = deque[Any](maxlen=1000)
+        """The newest messages that `receive` has taken."""
+
+    def receive(self, *news: Any) -> None:
+        """Take a message, the last of `news`: the handler of a subscription."""
+        self.received.append(news[-1])
+        self.notify()
 
     def notify(self) -> None:
-        """Wake the waiting thread to check its condition."""
         with self.changed:
             self.changed.notify_all()
 

@@ -43,10 +43,8 @@ def start_command(name: str) -> NoReturn:
         import fcntl  # noqa: F401
     except ImportError:
         # Python has it on every system but Windows.
-        print_line(
-            f"{name}: zteam needs Linux or macOS: on Windows, use WSL 2, or a container ('docker compose')",
-            file=sys.stderr,
-        )
+        text = "zteam needs Linux or macOS: on Windows, use WSL 2, or a container ('docker compose')"
+        print_line(f"{name}: {text}", file=sys.stderr)
         leave(2)
     leave_at_once()
     try:

@@ -45,19 +45,14 @@ def _save(args: argparse.Namespace) -> None:
     key, path = check_key(args.topic), Path(args.file)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
-    waiter, found = Waiter(), list[OccupancyGrid]()
-
-    def on_map(_key: str, message: OccupancyGrid) -> None:
-        found.append(message)
-        waiter.notify()
-
+    waiter = Waiter()
     with open_bus(args) as bus:
-        bus.subscribe(key, OccupancyGrid, on_map, latched=True)
+        bus.subscribe(key, OccupancyGrid, waiter.receive, latched=True)
         try:
-            wait_for_message(bus, waiter, lambda: bool(found), args, key, "map")
+            wait_for_message(bus, waiter, lambda: bool(waiter.received), args, key, "map")
         except ZteamError as error:
             raise ZteamError(f"{error}; start zteam-sim WORLD or zteam-map MAP.yaml") from None
-    grid = map_grid(found[-1], any_frame=key != names.MAP)
+    grid = map_grid(waiter.received[-1], any_frame=key != names.MAP)
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)

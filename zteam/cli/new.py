@@ -81,7 +81,6 @@ def write_files(texts: Mapping[Path, str], way_out: str, *, overwrite: bool = Fa
 
 
 def fill(template: str, words: Mapping[str, object]) -> str:
-    """A template of this folder with these words in it."""
     return string.Template(template).substitute(words)
 
 
@@ -91,7 +90,10 @@ def _check_name(word: str, name: str, kind: str, example: str) -> None:
         near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
         hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
         raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
-    if _is_taken(name):
+    elsewhere = [folder for folder in sys.path if folder and not (Path(folder).is_dir() and Path(folder).samefile("."))]
+    found = PathFinder.find_spec(name, elsewhere)
+    # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
+    if name in sys.stdlib_module_names or (found is not None and found.origin is not None):
         raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
     if word == "node" and (problem := names.name_problem(name)):
         raise UsageError(problem)
@@ -99,14 +101,6 @@ def _check_name(word: str, name: str, kind: str, example: str) -> None:
         raise UsageError(f"{name!r} is the name of a process of every team; choose another one")
     if word == "behavior" and (not kind.isidentifier() or re.search(rf"\b{kind}\b", example)):
         raise UsageError(f"{name!r}: the example cannot name its class {kind or name!r}; choose another name")
-
-
-def _is_taken(name: str) -> bool:
-    """Whether Python finds another module of this name than one in the current folder."""
-    elsewhere = [folder for folder in sys.path if folder and not (Path(folder).is_dir() and Path(folder).samefile("."))]
-    found = PathFinder.find_spec(name, elsewhere)
-    # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
-    return name in sys.stdlib_module_names or (found is not None and found.origin is not None)
 
 
 main = partial(run_tool, build_parser, None)

@@ -158,6 +158,8 @@ def add_options(
         default = field.default if options is kind else getattr(options, name)
         keywords = {"dest": name, "default": default, "help": texts.get(name, metas[-1].description), **metas[-1].extra}
         flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
+        if field.type.__origin__ is float:
+            keywords.setdefault("type", float)
         if isinstance(default, bool):
             keywords["action"] = f"store_{not default}".lower()
         for part in (field.type.__origin__, *get_args(field.type.__origin__)):
@@ -235,12 +237,10 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def add_lease_option(parser: argparse._ActionsContainer) -> None:
-    """Add `--lease`; the environment gives its default."""
     text = "declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)"
     default = os.environ.get("ZTEAM_LEASE", f"{LEASE:g}")
     add_option(parser, "--lease", typed=(*LEASE_BOUNDS, "seconds"), metavar="SECONDS", default=default, help=text)
@@ -325,12 +325,8 @@ def run_tool(
     args = parser.parse_args(argv)
     if read is not None:
         checked(args, lambda: read(args))
-    return run(
-        name or getattr(args, "process", parser.prog),
-        args,
-        lambda: (body or args.act)(args) or 0,
-        needs_output=needs_output,
-    )
+    name = name or getattr(args, "process", parser.prog)
+    return run(name, args, lambda: (body or args.act)(args) or 0, needs_output=needs_output)
 
 
 def fail(name: str, error: ZteamError) -> int:

@@ -150,7 +150,6 @@ def _add_robot(parser: Parser) -> None:
 
 
 def add_param_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--param`, whose values are pairs."""
     text = f"set a parameter of the behaviour, e.g. {_EXAMPLES['--param']}"
     add_repeated(parser, "--param", "KEY=VALUE", text, type=option_type(parse_param))
 
@@ -184,10 +183,8 @@ def _read_robot(args: argparse.Namespace) -> Read:
     spec = args.behavior if args.follow is None else "follow"
     if spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
-    base, folders = read_base(args.base), folders_of(args)
-    options = read_options(
-        RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=folders
-    )
+    base, where = read_base(args.base), folders_of(args)
+    options = read_options(RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=where)
     return names.robot_name(args.id), lambda: options
 
 
@@ -317,7 +314,6 @@ _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace],
 
 
 def build_parser(command: str) -> Parser:
-    """The command line of the `command` of a process."""
     add, _ = _KINDS[command]
     parser = Parser(prog="zteam view" if command == "zteam-view" else command, description=add.__doc__)
     add(parser)

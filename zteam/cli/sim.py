@@ -133,7 +133,6 @@ def _remove(client: SimulatorClient, ids: Sequence[int]) -> SimStatus:
 
 
 def format_status(status: SimStatus) -> str:
-    """The simulator's status as a table, one line per value."""
     paused = "run over" if status.finished else "yes" if status.paused else "no"
     rows = [
         ("world", f"{status.world}, seed {status.seed}"),

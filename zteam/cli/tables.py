@@ -1,5 +1,4 @@
-"""Texts for people, readable in a plain pipe: tables, whose columns are as wide as their widest cell, durations, and
-messages."""
+"""Texts for people, readable in a pipe: tables, with columns as wide as their widest cell; durations, messages."""
 
 import shutil
 import sys
@@ -63,6 +62,10 @@ def duration_text(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60:02} s"
     return f"{whole // 3600} h {whole // 60 % 60:02} min"
+
+
+def in_ms(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
 
 
 def format_message(message: Message, full: bool) -> str:

@@ -24,7 +24,7 @@ from zteam.cli.options import (
     checked,
     run_tool,
 )
-from zteam.cli.tables import format_table
+from zteam.cli.tables import format_table, in_ms
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import pause
 from zteam.config.numbers import MAX_SECONDS, counted, format_rate, parse_number
@@ -130,10 +130,8 @@ def _ask(bus: Bus, target: str, source: str, time: int = 0, timeout: float = 0.0
     if frames is None:
         raise ZteamError(NO_AGGREGATOR)
     known = _names_in(frames)
-    missing = [
-        f"frame {name!r} does not exist{near_keys(name, known)}" for name in (target, source) if name not in known
-    ]
-    raise ZteamError(("; ".join(missing) or why) + _SEE_TREE)
+    lack = [f"frame {name!r} does not exist{near_keys(name, known)}" for name in (target, source) if name not in known]
+    raise ZteamError(("; ".join(lack) or why) + _SEE_TREE)
 
 
 def _names_in(frames: Mapping[str, FrameInfo]) -> set[str]:
@@ -182,22 +180,13 @@ def _show_figures(args: argparse.Namespace) -> None:
         print_json({"frames": found, "conflicts": conflicts})
         return
     header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
-    cells = [
-        (
-            f.child,
-            name,
-            "-" if f.rate is None else format_rate(f.rate),
-            *map(_ms, (f.jitter, f.mean_delay, f.max_delay)),
-        )
-        for f, name in rows
-    ]
+    cells = list[tuple[str, ...]]()
+    for f, name in rows:
+        rate = "-" if f.rate is None else format_rate(f.rate)
+        cells.append((f.child, name, rate, *map(in_ms, (f.jitter, f.mean_delay, f.max_delay))))
     print_block(nothing or format_table(header, cells, numbers_from=2))
     for conflict in conflicts:
         print_line(f"conflict: {conflict}")
-
-
-def _ms(seconds: float | None) -> str:
-    return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
 
 
 def _nothing(has_aggregator: bool, text: str) -> str:

@@ -47,7 +47,5 @@ def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
 
 def still_text(clock: AutoClock) -> str:
     """What a tool says when simulated time stands still."""
-    return (
-        f"simulated time stands still at {to_seconds(clock.now()):.3f} s: see 'zteam sim status' "
-        "(--clock wall uses the host's time)"
-    )
+    now, hint = to_seconds(clock.now()), "see 'zteam sim status' (--clock wall uses the host's time)"
+    return f"simulated time stands still at {now:.3f} s: {hint}"

@@ -28,7 +28,7 @@ from zteam.cli.listening import (
     where_to_look,
 )
 from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, add_json, add_option, run_tool
-from zteam.cli.tables import format_message, format_table
+from zteam.cli.tables import format_message, format_table, in_ms
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import AutoClock, monotonic, pause, to_seconds
 from zteam.config.numbers import counted, format_rate
@@ -102,15 +102,10 @@ def _list_subscribers(bus: Bus, key: str, publisher: Publisher[Message], graph: 
 
 def _heard_encoding(bus: Bus, key: str) -> str:
     """The encoding of a message on the key, or of its latched one; empty if none comes."""
-    heard, waiter = list[str](), Waiter()
-
-    def on_sample(sample: RawSample) -> None:
-        heard.append(sample.encoding)
-        waiter.notify()
-
-    with closing(bus.subscribe_raw(key, on_sample, latched=True)):
-        waiter.wait(lambda: bool(heard), SURVEY, "")
-    return heard[0] if heard else ""
+    waiter = Waiter()
+    with closing(bus.subscribe_raw(key, waiter.receive, latched=True)):
+        waiter.wait(lambda: bool(waiter.received), SURVEY, "")
+    return waiter.received[0].encoding if waiter.received else ""
 
 
 def _say(text: str) -> None:
@@ -144,37 +139,28 @@ def build_parser() -> Parser:
     add_timeout(echo, "a message")
     rate.add_argument("--once", action="store_true", help="end after the first line")
     add_timeout(rate, "two messages")
-    _add_pub_options(pub)
+    pub.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
+    text = "fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`"
+    pub.add_argument("values", nargs="*", default=[], metavar="'{…}'", help=text)
+    bounds = (1e-3, MAX_RATE, "messages a second")
+    add_option(pub, "-r", "--rate", typed=bounds, default=1.0, metavar="HZ", help="publish at this rate")
+    until = pub.add_mutually_exclusive_group()
+    add_option(until, "-t", "--times", typed=(1, 10**12, "messages"), metavar="N", help="end after N messages")
+    until.add_argument("-1", "--once", action="store_true", help="end after one message")
     add_clock_option(rate, "wall")
     add_clock_option(pub)
     return parser
 
 
-def _add_pub_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
-    text = "fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`"
-    parser.add_argument("values", nargs="*", default=[], metavar="'{…}'", help=text)
-    rate = (1e-3, MAX_RATE, "messages a second")
-    add_option(parser, "-r", "--rate", typed=rate, default=1.0, metavar="HZ", help="publish at this rate")
-    until = parser.add_mutually_exclusive_group()
-    add_option(until, "-t", "--times", typed=(1, 10**12, "messages"), metavar="N", help="end after N messages")
-    until.add_argument("-1", "--once", action="store_true", help="end after one message")
-
-
 def _echo(args: argparse.Namespace) -> None:
     key, given = check_key(args.key), message_type(args.type) if args.type else None
-    waiter, queue = Waiter(), deque[RawSample](maxlen=1000)
-
-    def on_sample(sample: RawSample) -> None:
-        queue.append(sample)
-        waiter.notify()
-
+    waiter = Waiter()
     with open_bus(args) as bus:
-        bus.subscribe_raw(key, on_sample, latched=True)
-        wait_for_message(bus, waiter, lambda: bool(queue), args, key)
-        while not (_print_sample(queue.popleft(), given, args) and args.once):
+        bus.subscribe_raw(key, waiter.receive, latched=True)
+        wait_for_message(bus, waiter, lambda: bool(waiter.received), args, key)
+        while not (_print_sample(waiter.received.popleft(), given, args) and args.once):
             limit = limit_of(args)
-            if not waiter.wait(lambda: bool(queue), limit, f"a message on {key}"):
+            if not waiter.wait(lambda: bool(waiter.received), limit, f"a message on {key}"):
                 raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
 
 
@@ -236,12 +222,8 @@ def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
         return msgspec.json.encode({**values, "clock": "sim" if simulated else "wall"}).decode()
     return (
         f"average rate: {format_rate(rate)} ({'simulated' if simulated else 'host'} time)\n"
-        f"        min: {_ms(min(gaps))}  max: {_ms(max(gaps))}  std dev: {_ms(spread)}  window: {len(times)}"
+        f"        min: {in_ms(min(gaps))}  max: {in_ms(max(gaps))}  std dev: {in_ms(spread)}  window: {len(times)}"
     )
-
-
-def _ms(seconds: float) -> str:
-    return f"{seconds * 1e3:.1f} ms"
 
 
 def _rate(row: KeyRow) -> str:
@@ -254,12 +236,9 @@ def _rate(row: KeyRow) -> str:
 def _list(args: argparse.Namespace) -> None:
     with open_bus(args) as bus:
         rows, _ = find_rows(bus, "**")
-    table = format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2)
+    cells = [(r.key, r.type or "?", _rate(r), str(len(r.publishers)), str(len(r.subscribers))) for r in rows]
+    table = format_table(("key", "type", "rate", "pubs", "subs"), cells, numbers_from=2)
     print_json(rows) if args.json else print_block(table if rows else NO_KEYS)
-
-
-def _cells(row: KeyRow) -> tuple[str, ...]:
-    return row.key, row.type or "?", _rate(row), str(len(row.publishers)), str(len(row.subscribers))
 
 
 def _info(args: argparse.Namespace) -> None:

@@ -97,9 +97,7 @@ def build_parser() -> Parser:
     add_options(parser, SimOptions, "speed", **texts)
     add_options(parser, Options, map_resolution="cell size of the simulator's map, metres (default: the team file's)")
     parser.set_defaults(seed=None, map_resolution=None)
-    text = (
-        "give each process a certificate of this folder, by default certs, and let nothing else in (docs/security.md)"
-    )
+    text = "give each process a certificate of this folder (default: certs), let nothing else in (docs/security.md)"
     parser.add_argument("--secure", nargs="?", type=Path, const=Path("certs"), metavar="FOLDER", help=text)
     for flag, text in _SWITCHES.items():
         parser.add_argument(flag, action="store_true", help=text)
@@ -275,7 +273,15 @@ def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace,
     endpoint = team_run.members.endpoint
     log.info("%s, %s; Ctrl+C stops them", what, f"router at {endpoint}" if endpoint else "without a router")
     if args.secure is not None:
-        log.info("for tools: %s", _tool_environment(args.secure, endpoint))
+        from zteam.bus.options import DEFAULT_TLS_ENDPOINT
+        from zteam.team.security.access import OPERATOR
+        from zteam.team.security.certificates import files_of
+
+        variables = files_of(args.secure, OPERATOR).environment
+        if endpoint != DEFAULT_TLS_ENDPOINT:
+            variables["ZTEAM_CONNECT"] = endpoint
+        words = [f"{name}={shlex.quote(value)}" for name, value in variables.items()]
+        log.info("for tools: export %s", " ".join(words))
     elif endpoint:
         warn_of_endpoint(endpoint, args.connect or args.listen)
     if args.in_process:
@@ -284,18 +290,6 @@ def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace,
         team_run.watch(args.go_timeout)
     display.say("stopping")
     return team_run.finish()
-
-
-def _tool_environment(certificates: Path, endpoint: str) -> str:
-    """What a shell is told, so that tools find the team and are let in."""
-    from zteam.bus.options import DEFAULT_TLS_ENDPOINT
-    from zteam.team.security.access import OPERATOR
-    from zteam.team.security.certificates import files_of
-
-    variables = files_of(certificates, OPERATOR).environment
-    if endpoint != DEFAULT_TLS_ENDPOINT:
-        variables["ZTEAM_CONNECT"] = endpoint
-    return " ".join(["export", *(f"{name}={shlex.quote(value)}" for name, value in variables.items())])
 
 
 def _conclude(

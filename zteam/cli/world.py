@@ -1,5 +1,4 @@
-"""`zteam world check | show | scan | new FILE`: check and draw a world file, print a robot's scans in it; make one of a
-picture."""
+"""`zteam world check | show | scan | new FILE`: check and draw worlds, print a robot's scans, make one of a picture."""
 
 import argparse
 import math
@@ -80,8 +79,9 @@ def _new(args: argparse.Namespace) -> int:
         raise UsageError(f"-o {chosen}: there is no folder {chosen.parent}: make it first")
     files = [chosen.parent / f"{chosen.stem}.{suffix}" for suffix in ("world", "toml")]
     name = picture.name if picture.parent.resolve() == chosen.parent.resolve() else str(picture.resolve())
-    if not (name + chosen.stem).isprintable() or set(name + chosen.stem) & set('"\\$'):
-        raise UsageError(f"{picture}: world and team files cannot hold a name with a quote or a $: give another")
+    for given, text in ((picture, name), (f"-o {chosen}", chosen.stem)):
+        if not text.isprintable() or set(text) & set('"\\$'):
+            raise UsageError(f"{given}: world and team files cannot hold a name with a quote or a $: give another")
     occupied = read_bitmap(picture)
     height, width = (round(count * metres, 9) for count in occupied.shape)
     size, places = f"{width:g} x {height:g} m", find_places(occupied, metres, robots)
@@ -125,8 +125,10 @@ def _check(args: argparse.Namespace, world: World) -> None:
         _print_row(f"robot {robot['id']}", robot["name"], text)
     for base in summary["bases"]:
         _print_row("base", base["model"], _footprint_text(base))
-        if limits := _limits_text(base):
-            _print_row("", "", limits)
+        absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
+        limits = [f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name))]
+        if limits:
+            _print_row("", "", ", ".join(limits))
     warnings = summary["warnings"]
     print_line(*warnings)
     nouns = {"robot": world.robots, "obstacle": world.obstacles, "floor plan": world.floorplans}
@@ -201,16 +203,9 @@ def _footprint_text(base: dict[str, Any]) -> str:
     return f"footprint x {left:.3g} to {right:.3g}, y {low:.3g} to {high:.3g} m"
 
 
-def _limits_text(base: dict[str, Any]) -> str:
-    """The limits by name; what has no limit is left out."""
-    absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
-    return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name)))
-
-
 def _sensors(robot: Robot) -> list[str]:
-    lasers = [
-        f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
-    ]
+    seen = [ranger for ranger in robot.rangers if ranger.is_laser]
+    lasers = [f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in seen]
     others = [(len(kind.of(robot)), kind.title) for kind in KINDS.values() if kind.topic != BASE_SCAN]
     return lasers + [counted(count, title) for count, title in others if count and title]
 

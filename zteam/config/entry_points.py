@@ -1,7 +1,6 @@
 """What other installed packages offer to zteam, by entry points of the groups `zteam.behaviors` and `zteam.messages`.
 
-Reading the metadata of all installed packages takes tens of milliseconds, so it is done only for a name that is not
-zteam's own.
+Reading the metadata of all packages takes tens of milliseconds, so it is done only for a name that is not zteam's own.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -36,11 +35,9 @@ def load_offered(group: str, name: str) -> Any:
         return point.load()
     except (Exception, SystemExit) as error:
         # Importing runs foreign code, which may raise anything.
-        text = " ".join(str(error).split())
-        raise UsageError(
-            f"{name!r} of the entry points {group}: cannot import {value} of {_package(point)}: "
-            f"{type(error).__name__}: {text}"
-        ) from error
+        place, text = f"{name!r} of the entry points {group}", " ".join(str(error).split())
+        what = f"cannot import {value} of {_package(point)}"
+        raise UsageError(f"{place}: {what}: {type(error).__name__}: {text}") from error
 
 
 def _points(group: str) -> "list[EntryPoint]":

@@ -33,8 +33,7 @@ def shown(text: str) -> str:
 
 
 def parse_number(text: str, low: N, high: N, what: str) -> N:
-    """The number from `low` to `high` that a user typed, a whole one if these are. Raises UsageError, which asks for
-    `what`."""
+    """The number from `low` to `high` that a user typed, whole if these are. Raises UsageError that asks for `what`."""
     form = "d" if isinstance(low, int) else "g"
     try:
         # Python also reads `1_0`, `+1` and the digits of all scripts; Zenoh does not.

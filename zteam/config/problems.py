@@ -50,9 +50,9 @@ class CheckedOptions(msgspec.Struct, frozen=True):
     """Options whose types hold wherever they are made, also in Python. Raises ValueError."""
 
     def __post_init__(self) -> None:
-        for key, field in _fields_of(type(self)).items():
+        for field in _fields_of(type(self)).values():
             value = plain(getattr(self, field.name))
-            for problem in _problem(value, field.type, (key,), strict=True):
+            for problem in _problem(value, field.type, (field.name,), strict=True):
                 raise ValueError(str(problem))
             msgspec.structs.force_setattr(self, field.name, msgspec.convert(value, field.type))
 
@@ -134,11 +134,9 @@ def _in_words(text: str, value: Any) -> str:
     what = " or ".join(_WORDS[kind] for kind in kinds)
     if found[2] or found[4]:
         bound = found[3] or found[4]
-        unit = _UNITS.get(kinds[0], "")
+        unit = _UNITS.get(kinds[0], "").removesuffix("s" if bound == "1" else "")
         # msgspec writes "below 0" as -0.0.
-        what += (
-            f" {_BOUNDS.get(found[2], 'of')} {float(bound) + 0.0:g}{unit.removesuffix('s') if bound == '1' else unit}"
-        )
+        what += f" {_BOUNDS.get(found[2], 'of')} {float(bound) + 0.0:g}{unit}"
     return f"{what} is expected, not {_shown(value)}"
 
 

@@ -131,12 +131,10 @@ def read_yaml(
 
 # Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.
 def is_folder(path: Path) -> bool:
-    """Whether `path` is a folder."""
     return os.path.isdir(path)  # noqa: PTH112
 
 
 def existing_file(path: Path) -> Path | None:
-    """`path` if it is a file, else None."""
     return path if os.path.isfile(path) else None  # noqa: PTH113
 
 

@@ -13,8 +13,7 @@ _SEPARATOR = re.compile(r"\s*,\s*|\s+")
 def parse_robot_ids(words: Sequence[str], place: str) -> tuple[int, ...]:
     """The ids that the words of a user name, in their order; commas and spaces separate them, and `A-B` is a range.
 
-    Raises UsageError that begins with `place`, such as "--ids". No id may come twice, so there are MAX_ROBOT_ID + 1 at
-    most.
+    Raises UsageError that begins with `place`, such as "--ids". No id may come twice: at most MAX_ROBOT_ID + 1 come.
     """
     text = " ".join(words).strip()
     if not text:

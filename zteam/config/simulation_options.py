@@ -31,10 +31,8 @@ class Options(CheckedOptions, frozen=True, kw_only=True, forbid_unknown_fields=T
     below_min: Annotated[
         Literal["measured", "-inf", "zero"], option("range of a beam that hits something nearer than range_min")
     ] = "measured"
-    gaussian_noise: Annotated[NotNegative, option("noise of all lasers: standard deviation, m", "M", type=float)] = 0.0
-    proportional_noise: Annotated[
-        NotNegative, option("noise of all lasers: standard deviation / range", "SHARE", type=float)
-    ] = 0.0
+    gaussian_noise: Annotated[NotNegative, option("noise of all lasers: standard deviation, m", "M")] = 0.0
+    proportional_noise: Annotated[NotNegative, option("noise of all lasers: standard deviation / range", "SHARE")] = 0.0
     odom_alphas: Annotated[
         tuple[NotNegative, NotNegative, NotNegative, NotNegative] | None,
         option("noise of all odometry (Thrun), e.g. 0.05,0.01,0.02,0.01", "A1,A2,A3,A4"),
@@ -42,10 +40,8 @@ class Options(CheckedOptions, frozen=True, kw_only=True, forbid_unknown_fields=T
     dazzle: Annotated[
         Literal["off", "drop", "max", "short", "scan"], option("interference of lasers that see each other")
     ] = "off"
-    dazzle_angle: Annotated[_Angle, option("angle on either side of the other laser", "RAD", type=float)] = (
-        math.radians(2.0)
-    )
-    dazzle_probability: Annotated[Share, option("share of dazzled scans", "P", type=float)] = 1.0
+    dazzle_angle: Annotated[_Angle, option("angle on either side of the other laser", "RAD")] = math.radians(2.0)
+    dazzle_probability: Annotated[Share, option("share of dazzled scans", "P")] = 1.0
     map_resolution: Annotated[
         _Cell, option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell"))
     ] = 0.05
@@ -73,8 +69,6 @@ class LockStepOptions(msgspec.Struct, frozen=True):
 
 
 class SimOptions(msgspec.Struct, frozen=True):
-    """A simulator."""
-
     world: Path
     seed: Seed = 1
     has_map: Annotated[bool, option("publish no map: zteam-map serves another one", flag="no-map")] = True

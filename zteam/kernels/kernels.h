@@ -143,4 +143,28 @@ double look_along(const double *axes, const double *distances, int64_t beams, do
 int64_t first_clear(const double *axes, const double *distances, int64_t beams, double half_width, double reach,
                     const double *headings, int64_t count);
 
+/* What stands around a base, and where it is to get: in its frame, in metres. Places are the middles of 85 * 85 cells;
+   the base stands on the middle one. */
+typedef struct {
+    const double *headings; /* (16, 5), counter-clockwise from ahead: cells of a step (up to 2), yaw, cosine, sine */
+    const double *away;     /* (85, 85): how far a place is */
+    const double *planes;   /* (sides, 3): half-planes of the base's hull */
+    int64_t sides;
+    const double *points; /* (count, 2): on what stands around, and behind the first `hits` on teammates */
+    int64_t count;
+    const double *way; /* (stops, 2) */
+    int64_t stops;
+    const double *shunned; /* (shunned_count, 2) */
+    int64_t shunned_count;
+    const double *failed; /* (failed_count, 4): moves that did not work: the kind, and x, y and yaw where */
+    int64_t failed_count;
+    int64_t hits;
+    double radius, cell;          /* of the circle that holds the base; side of a cell */
+    double leaves, least, beside; /* without a way: how far it leads if there is room, at least, and from `shunned` */
+} surroundings;
+
+/* escape.c: moves along a way, or away. Write the kind of each, and the pose at its end, to the end of (200, 4); return
+   how many they are, -1 without memory. */
+int64_t find_moves(const surroundings *s, double *moves);
+
 #endif

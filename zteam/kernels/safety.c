@@ -2,6 +2,7 @@
    Points and arcs are metres, metres a second and radians in the frame of the base. */
 #include <string.h>
 #include "kernels.h"
+#include "outlines.h"
 #include "sines.h"
 
 /* Radians: an arc that turns less counts as straight. On a metre that is wrong by less than 0.01 mm. */
@@ -17,17 +18,6 @@
 #define TINY 1e-9
 /* Metres that a point may seem to lie behind what a beam met and still be the same. */
 #define SEEN_WITHIN 0.05
-
-/* How far a point is outside of the hull: the largest of its distances from the half-planes. */
-static double depth_of(double x, double y, const double *planes, int64_t sides)
-{
-    double depth = -INFINITY;
-    for (int64_t i = 0; i < sides; i++) {
-        double beyond = planes[3 * i] * x + planes[3 * i + 1] * y - planes[3 * i + 2];
-        depth = beyond > depth ? beyond : depth;
-    }
-    return depth;
-}
 
 /* Seconds until a base that drives straight on has a point within `limit` of all half-planes at once. */
 static double meet_straight(

@@ -1,11 +1,12 @@
-"""The kernels of the safety layer (safety.c): what a base meets. As `binding.py` says."""
+"""The kernels of robots (safety.c, escape.c): what a base meets, and how it gets free. As `binding.py` says."""
 
 import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from zteam.kernels.binding import Floats, empty, lib, memory
+from zteam.kernels.binding import Floats, check_within, empty, ffi, lib, memory
 
 
 def meet(
@@ -18,10 +19,9 @@ def meet(
     is constant (m/s forwards and to the left, rad/s), its outline the half-planes `planes` (m, 3): outward
     normal of length 1, offset (m). Of `points` (2, n) those in the `disc` (x, y, radius) count, all in the base frame.
     """
-    count, sides, (x, y, turn) = points.shape[-1], len(planes), velocity
+    count, sides = points.shape[-1], len(planes)
     given = memory("points", points, 2, count), count, memory("planes", planes, sides, 3), sides
-    met: float = lib.meet(*given, x, y, turn, seconds, margin, *disc)
-    return met
+    return float(lib.meet(*given, *velocity, seconds, margin, *disc))
 
 
 def move_points(points: Floats, x: float, y: float, turn: float) -> None:
@@ -56,18 +56,39 @@ def look_along(axes: Floats, distances: Floats, half_width: float, heading: floa
 
     `axes` and `distances` are as for `see`.
     """
-    nearest: float = lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf)
-    return nearest
+    return float(lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf))
 
 
 def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float, headings: Floats) -> int:
     """Which of `headings` (n, rad) is the first whose corridor, as of `look_along`, is clear for `reach` (m), or -1."""
     count = len(headings)
     given = *_scan(axes, distances), half_width, reach, memory("headings", headings, count), count
-    found: int = lib.first_clear(*given)
-    return found
+    return int(lib.first_clear(*given))
 
 
 def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
     beams = distances.size
     return memory("axes", axes, 2, beams), memory("distances", distances, beams), beams
+
+
+def find_moves(
+    planes: Floats, radius: float, points: ArrayLike, hits: int, way: ArrayLike, shunned: ArrayLike, failed: ArrayLike,
+    headings: Floats, cell: float, leaves: tuple[float, float, float],
+) -> Floats:  # fmt: skip
+    """The moves (n, 4) of a base out of a narrow place: the kind of each, and x, y and yaw of where it ends.
+
+    They lead along `way`. If it has no points, they lead away: `leaves` are the metres from the base if there is room,
+    at least, and from places `shunned`. Of `points` the first `hits` are on what stands around, the others on
+    teammates. kernels.h has the shapes. Raises ValueError, and MemoryError if `radius` (m) is more than 10 000 cells.
+    """
+    places = cell * np.arange(-42, 43)
+    given = [memory("headings", headings, 16, 5), memory("away", np.hypot(places, places[:, None]), 85, 85)]
+    check_within("headings", headings[:, :2], -2, 3)
+    for rows, width in ((planes, 3), (points, 2), (way, 2), (shunned, 2), (failed, 4)):
+        array = np.array(rows, float, order="C").reshape(-1, width)
+        given += memory("rows", array, *array.shape), len(array)
+    moves, made = empty(np.float64, 200, 4)
+    count = lib.find_moves(ffi.new("surroundings *", (*given, hits, radius, cell, *leaves)), made)
+    if count < 0:
+        raise MemoryError(f"no room for a search with cells of {cell} m and a base of {radius} m")
+    return moves[len(moves) - count :]

@@ -120,7 +120,8 @@ class Polygons:
         count, widest = len(groups), max(vertices, default=0)
         arrays = {
             "local_x": x.copy(), "local_y": y.copy(), "x": x.copy(), "y": y.copy(),
-            "first_vertex": _starts(vertices), "first_shape": _starts([len(own) for _, own in groups]),
+            "first_vertex": np.cumsum([0, *vertices], dtype=np.int32),
+            "first_shape": np.cumsum([0, *(len(own) for _, own in groups)], dtype=np.int32),
             "z_min": np.array([low for _, low, _ in shapes], float),
             "z_max": np.array([high for _, _, high in shapes], float),
             "owner": self.owner, "local_centre": centre, "radius": np.array(radius, float),
@@ -142,10 +143,6 @@ class Polygons:
         if len(poses) < self.movers:
             raise ValueError(f"poses: {len(poses)} are too few for {self.movers} movers")
         return memory("poses", poses, len(poses), 3, out=out)
-
-
-def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    return np.cumsum([0, *counts], dtype=np.int32)
 
 
 _cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares

@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -20,7 +19,6 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
     (Header, "auto"): Header,
 }
 """The words for the time, by the type in whose place they stand, and what they become."""
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 _MAX_FLOAT32 = float(np.finfo(np.float32).max)
 
 
@@ -134,9 +132,6 @@ def _value(field: Field, item: Any, path: str, now: Now | None) -> Any:
 
 
 def _number(base: str, item: Any, path: str) -> Any:
-    if isinstance(item, str) and _EXPONENT.fullmatch(item):
-        # For YAML 1.1 it is a text without a point and a sign: 1.0e+1.
-        item = float(item)
     is_number = isinstance(item, int | float) and not isinstance(item, bool)
     if base == "bool":
         expected = "true or false"

@@ -63,7 +63,6 @@ class Motion(msgspec.Struct):
         return (self.world, self.moved) > (world, stamp)
 
     def begin_anew(self) -> None:
-        """The world has begun anew."""
         self.world, self.moved, self.commanded, self.distance = self.world + 1, -1, None, 0.0
         self.speed, self.stamp = 0.0, 0
 
@@ -247,7 +246,6 @@ class TeamObserver:
                 robot.newest.pop(topic, None)
 
     def robot(self, robot_id: int) -> RobotView:
-        """The view of one robot."""
         return self.robots.get(robot_id) or self.robots.setdefault(robot_id, RobotView(robot_id, self))
 
     def alive(self, name: str) -> bool:
@@ -260,7 +258,6 @@ class TeamObserver:
             return self._tokens.instances(name)
 
     def process_names(self) -> list[str]:
-        """The names that processes hold."""
         with self.changed:
             return [*self._tokens]
 

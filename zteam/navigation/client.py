@@ -112,7 +112,6 @@ class GoalWatch:
         self.end(TaskResult.FAILED, f"another goal took its place: {goal_text(goal)}")
 
     def end(self, result: TaskResult, text: str) -> None:
-        """Give it a result, unless it has one."""
         if not self.ended:
             self.result, self.text = result, text
 
@@ -218,7 +217,6 @@ class NavigationClient:
         return watch
 
     def _flush(self) -> None:
-        """Send the newest goal, if that is due."""
         with self._changed:
             if self.watch is None or not self.is_pending or self.waits_for:
                 return

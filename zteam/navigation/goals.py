@@ -28,8 +28,6 @@ _KEYS = ("robot", "x", "y", "yaw")
 
 
 class FileGoal(NamedTuple):
-    """One goal."""
-
     robot: int | None
     """None: any robot of those that share the goals."""
     pose: Pose2
@@ -83,7 +81,6 @@ def _read_goal(node: Any, spread: bool) -> FileGoal:
 
 
 def _value(name: str, text: str) -> float:
-    """A key's value. Raises UsageError."""
     if name not in _KEYS:
         raise UsageError(f"unknown key {name!r:.40}{did_you_mean(name, _KEYS)}; known: {', '.join(_KEYS)}")
     if name == "robot":
@@ -123,8 +120,6 @@ def _rounds_of(goals: Sequence[FileGoal], rounds: int | None) -> Iterator[FileGo
 
 
 class Ended(NamedTuple):
-    """A goal that has ended."""
-
     robot: int
     goal: FileGoal
     watch: GoalWatch

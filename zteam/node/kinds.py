@@ -42,7 +42,6 @@ class Kind(msgspec.Struct, frozen=True):
     """For one process per robot: the robot's id in a process name, None where the name is of another kind."""
 
     def includes(self, name: str) -> bool:
-        """Whether a process of this name is of this kind."""
         if self.matches is not None:
             return self.matches(name)
         return name == self.name if self.robot_id_of is None else self.robot_id_of(name) is not None

@@ -66,7 +66,6 @@ class LogOrder:
 
     @property
     def waiting(self) -> bool:
-        """Whether lines wait."""
         return bool(self._waiting)
 
     def left(self, now: float) -> float:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
-from zteam.bus.graph import find_graph, robots_of, unpublished
+from zteam.bus.graph import find_graph, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import BusError, UsageError, check_call
@@ -41,8 +41,6 @@ HEARTBEAT = 1.0
 _SEARCH_AFTER = 5.0
 """Host seconds, or simulated seconds of its steps, without a message after which a node looks whether anything
 publishes it."""
-_OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
-"""What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
 
 class Due(NamedTuple):
@@ -180,7 +178,6 @@ class Node(ProcessNode):
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
-        """Whether `run` was called."""
         self._unheard: set[str] = set()
         """What it subscribes to and no message has come of, until it was found what publishes them."""
         self._search = Every(_SEARCH_AFTER)
@@ -189,7 +186,6 @@ class Node(ProcessNode):
         """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
         self.part = Participant(self)
-        """Its part in lock-step."""
         bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
         self.on_time_reset(self._forget)
 
@@ -217,7 +213,7 @@ class Node(ProcessNode):
         self,
         key_expr: str,
         message_type: type[M],
-        callback: Callable[[str, M], None],
+        callback: Callable[[str, M], object],
         *,
         latched: bool = False,
         every_tick: bool = False,
@@ -240,8 +236,8 @@ class Node(ProcessNode):
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             self._unheard.discard(key_expr)
-            # A latched message may be the aggregator's, which is there before the simulator.
-            if not (latched or isinstance(message, _OF_PROCESSES)):
+            # Before there is a simulator come latched messages, such as the aggregator's, and those of processes alone.
+            if not (latched or isinstance(message, RobotStatus | NavigationStatus | TeamStatus)):
                 self.first_data = self.first_data or monotonic()
             call(key, message)
             if every_tick:
@@ -303,7 +299,7 @@ class Node(ProcessNode):
         check_call(callback, 2, f"watch_tokens({key_expr!r}, …): the callback takes the key and whether it is alive")
         super().watch_tokens(key_expr, self._failing(callback))
 
-    def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
+    def _failing(self, callback: Callable[[str, Any], object]) -> Callable[..., None]:
         """A user's `callback`, whose error ends the process."""
 
         def handle(key: str, value: Any) -> None:
@@ -349,7 +345,6 @@ class Node(ProcessNode):
         self.on_input = self._advance
 
     def follow_go(self) -> None:
-        """Take the monitor's word."""
         self.hear(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
@@ -381,10 +376,11 @@ class Node(ProcessNode):
 
         def search() -> None:
             with suppress(BusError):
-                graph = find_graph(self.bus)
-                if robots_of(each.key for each in graph.declarations if each.publishes) and not self.stopping:
-                    unheard, self._unheard = self._unheard, set()
-                    for key, near in unpublished(graph, unheard).items():
+                graph, unheard = find_graph(self.bus), [*self._unheard]
+                found = unpublished(graph, unheard)
+                if found is not None and not self.stopping:
+                    self._unheard.difference_update(unheard)
+                    for key, near in found.items():
                         log.warning("nothing publishes %s%s", key, near)
 
         # A lock-step that is fast may soon be over, and one that waits for this node stands.
@@ -426,8 +422,7 @@ class Node(ProcessNode):
         return self._inputs.lacking(self.part.tick)
 
     def _answer_lacking(self) -> Lacking:
-        tick, is_open = self.part.tick, self.part.state is TickState.OPEN
-        return Lacking(self._inputs.lacking(tick) if tick is not None and is_open else [])
+        return Lacking(self._inputs.lacking(self.part.tick) if self.part.state is TickState.OPEN else [])
 
     def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
         """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""

@@ -142,7 +142,6 @@ class ProcessNode:
 
     @property
     def stopping(self) -> bool:
-        """Whether the process was asked to stop."""
         return self.stop.requested
 
     @property

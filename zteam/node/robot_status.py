@@ -73,7 +73,6 @@ class Readiness:
         self.state, self.reason, self.epoch = messages.RobotState.RUNNING, reason, max(epoch, self.epoch)
 
     def stop(self) -> None:
-        """The process ends."""
         self.state, self.reason = messages.RobotState.STOPPED, "stopped"
 
 
@@ -196,7 +195,6 @@ class StatusReport:
             self._publisher.put(self._last)
 
     def stop(self) -> None:
-        """Say that the process ends."""
         self.readiness.stop()
         self.driver, self.command = messages.RobotDriver.NONE, None
         self.publish()
@@ -206,7 +204,6 @@ class StatusReport:
         self._last = None
 
     def publish(self) -> None:
-        """Publish the state."""
         is_stopped = self._stop.is_stopped
         readiness, command, behavior = self.readiness, self.command, self.tells_of
         reason = Reason.of(self._why_it_stands())

@@ -9,7 +9,6 @@ next tick: what it publishes then could come before that tick or after it.
 from collections import Counter
 from collections.abc import Callable
 from itertools import count, groupby
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -52,8 +51,6 @@ def precedence(message: Message) -> tuple[int, bytes]:
 
 
 class HeldMessage(NamedTuple):
-    """A message that has come."""
-
     subscription: int
     key: str
     message: Message
@@ -71,7 +68,6 @@ class HeldMessage(NamedTuple):
 _Place = tuple[bool, int, str, int, str, int]
 """Where a kept message stands among the others: whether it belongs to the tick in which it is handled, else the stamp
 (ns) of the tick in which another process sent it, its key, the subscription, the sender, and a number."""
-_without_sender = itemgetter(0, 1, 2, 3)
 
 
 class TickMessages:
@@ -152,7 +148,8 @@ class TickMessages:
             for place, arrival in self._kept.items()
             if stamp is None or ((arrival.due or 0) <= stamp if place[0] else place[1] < stamp)
         )
-        for (is_of_tick, tick, *_), group in groupby(due, _without_sender):
+        # Those of all senders of a subscription together.
+        for (is_of_tick, tick, _key, _subscription), group in groupby(due, lambda place: place[:4]):
             arrivals = [self._kept.pop(place) for place in group]
             for arrival in arrivals if is_of_tick else _in_order(arrivals):
                 arrival.handle(arrival.key, arrival.message, tick)

@@ -26,10 +26,8 @@ T = TypeVar("T")
 BOUNDARY_LIMIT = 60.0
 """Host seconds that a change waits for the open tick to end, which a hung participant may hold."""
 MAX_TICKS = 1_000_000_000_000
-MIN_SPEED = 1e-6
-"""Simulated seconds a second of the host, at least."""
-MAX_SPEED = 1e6
-"""Simulated seconds a second of the host, at most."""
+MIN_SPEED, MAX_SPEED = 1e-6, 1e6
+"""Simulated seconds a second of the host."""
 MAX_WAIT = 60.0
 """Host seconds that `sim/finish` and `sim/stand` wait at most."""
 ANSWER_LIMIT = 10.0
@@ -70,8 +68,6 @@ class SpawnRequest(Change):
 
 
 class SpawnReply(msgspec.Struct):
-    """The new robot's id."""
-
     id: int
 
 
@@ -340,14 +336,11 @@ class SimulatorClient:
         except QueryError as error:
             raise BusError(error.why) from None
         if not answers:
-            raise BusError(
-                "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
-                "(or name its router and namespace with --connect and --namespace)"
-            )
+            text = "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up'"
+            raise BusError(f"{text} (or name its router and namespace with --connect and --namespace)")
         return answers[0][1]
 
     def status(self) -> SimStatus:
-        """The simulator's status."""
         return self._ask("status", SimStatus)
 
     def report(self) -> SimReport:
@@ -408,7 +401,6 @@ class SimulatorClient:
         return self._ask("spawn", SpawnReply, request, timeout=CHANGE_LIMIT).id
 
     def remove(self, robot_id: int) -> SimStatus:
-        """Take a robot out of the world."""
         return self._ask("remove", SimStatus, RemoveRequest(robot_id), timeout=CHANGE_LIMIT)
 
     def move(self, robot_id: int, x: float, y: float, yaw: float = 0.0, *, force: bool = False) -> SimStatus:

@@ -120,11 +120,8 @@ def _view(options: ViewOptions) -> Part:
         from zteam.view.foxglove import require_sdk
 
         require_sdk()
-    return Part(
-        lambda node: run_view(node, options, partial(print, flush=True)),
-        small=True,
-        name=options.name or names.view_name(),
-    )
+    say, name = partial(print, flush=True), options.name or names.view_name()
+    return Part(lambda node: run_view(node, options, say), small=True, name=name)
 
 
 def _own_node(options: NodeOptions) -> Part:

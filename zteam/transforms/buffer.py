@@ -13,29 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import messages
-from zteam.clock import wait_until
+from zteam.clock import NS_PER_S, wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, TransformStamped, Vector3
 from zteam.names import strip_slash
-from zteam.transforms import errors, tree
-from zteam.transforms.rigid import (
-    IDENTITY,
-    Floats,
-    compose,
-    floats_of,
-    rotation_matrix,
-    scan_points,
-    stamped_transform,
-    twist_between,
-)
+from zteam.transforms import errors, rigid, tree
+from zteam.transforms.rigid import Floats, compose, floats_of, stamped_transform
 from zteam.transforms.tree import FrameInfo, FramePath, Rejection, TimeCache
 
 log = logging.getLogger("zteam.tf")
 
 DEFAULT_CACHE = 10.0
 """Seconds of history, as tf2's default."""
-
-_NS = 1_000_000_000
 
 
 class Buffer:
@@ -72,7 +61,7 @@ class Buffer:
             for transform in transforms:
                 header, pose = transform.header, transform.transform
                 p, q, stamp = pose.translation, pose.rotation, header.stamp
-                time = stamp.sec * _NS + stamp.nanosec
+                time = stamp.sec * NS_PER_S + stamp.nanosec
                 if last is not None and time > last:
                     text = f"{transform.child_frame_id} is {(time - now) / 1e9:.1f} s ahead of the time"
                     found.append(Rejection("TF_FUTURE_DATA", text))
@@ -189,7 +178,7 @@ class Buffer:
     def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
         """The end points of a scan's beams in another frame, (beams, 3) metres; NaN for a beam without a hit."""
         floats = floats_of(self._found_for(scan.header, target_frame).transform)
-        return np.asarray(scan_points(scan) @ rotation_matrix(floats).T + floats[:3])
+        return np.asarray(rigid.scan_points(scan) @ rigid.rotation_matrix(floats).T + floats[:3])
 
     def transform_poses(
         self, poses: NDArray[np.float64], target_frame: str, source_frame: str, time: int
@@ -199,7 +188,7 @@ class Buffer:
         If the transform tilts, the heading of each pose is projected onto the plane.
         """
         floats = floats_of(self.lookup_transform(target_frame, source_frame, time).transform)
-        plane, given = rotation_matrix(floats)[:2, :2].T, np.asarray(poses, np.float64)
+        plane, given = rigid.rotation_matrix(floats)[:2, :2].T, np.asarray(poses, np.float64)
         ahead = np.stack((np.cos(given[:, 2]), np.sin(given[:, 2])), axis=1) @ plane
         return np.column_stack((given[:, :2] @ plane + floats[:2], np.arctan2(ahead[:, 1], ahead[:, 0])))
 
@@ -222,7 +211,7 @@ class Buffer:
             end = min(newest, time + interval // 2) if time else newest
             after = self._solve(observation_frame, tracking_frame, end)
             before = self._solve(observation_frame, tracking_frame, end - interval)
-        return twist_between(before[1:], after[1:], averaging_interval)
+        return rigid.twist_between(before[1:], after[1:], averaging_interval)
 
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
         """Wait until the look-up answers and return its answer; after `timeout` host seconds, raise its exception."""
@@ -339,7 +328,7 @@ class Buffer:
             return answer
         time = time or self._latest(target, source)
         if target == source:
-            return (time, *IDENTITY)
+            return (time, *rigid.IDENTITY)
         # The parents at that time may differ from the newest ones. Where an edge has no data, this raises.
         answer = FramePath(*self._find_edges(target, source, time)).solve(time)
         assert answer is not None

@@ -15,23 +15,17 @@ class TransformListener(Buffer):
 
     def __init__(self, node: Node) -> None:
         super().__init__()
-        self._clock = node.clock
         self._connected: set[int] = set()
         """Robots that have been seen in `map`."""
         node.on_time_reset(self.clear)
-        node.subscribe(names.TF, TFMessage, self._on_tf, every_tick=True)
-        node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+        take, take_static, now = self.set_transforms, self.set_all_static, node.clock.now
+        node.subscribe(names.TF, TFMessage, lambda _, m: take(m.transforms, names.TF, now()), every_tick=True)
+        node.subscribe(names.TF_STATIC, TFMessage, lambda _, m: take_static(m.transforms, names.TF), latched=True)
         node.need(self._lacks)
 
     @property
     def buffer(self) -> Buffer:
         return self
-
-    def _on_tf(self, _key: str, message: TFMessage) -> None:
-        self.set_transforms(message.transforms, names.TF, self._clock.now())
-
-    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self.set_all_static(message.transforms, names.TF)
 
     def _lacks(self, tick: Tick) -> list[str]:
         """The key of the fixed transforms until they have come too, which may take longer than the first bundle."""

@@ -34,8 +34,6 @@ MOST_SOURCES = 8
 
 
 class Static(NamedTuple):
-    """A static transform and its source."""
-
     rank: Rank
     transform: TransformStamped
     authority: str

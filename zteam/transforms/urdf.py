@@ -27,8 +27,6 @@ _PLACE = "place of an element"
 
 
 class Joint(NamedTuple):
-    """A joint between a parent link and a child link."""
-
     name: str
     kind: str
     parent: str
@@ -96,10 +94,9 @@ def read_description(path: Path) -> Description:
             elements[key] = element
     links = [name for tag, name in elements if tag == "link"]
     joints, above = dict[tuple[str, str], Joint](), dict[tuple[str, str], list[tuple[str, str]]]()
-    for key, element in elements.items():
-        if key[0] == "link":
-            continue
+    for element in root.findall("joint"):
         joint, place = _read_joint(element), _place(element)
+        key = "joint", joint.name
         for link in (joint.parent, joint.child):
             if ("link", link) not in elements:
                 raise ConfigError(f'{place}: there is no <link name="{link:.60}"/>{did_you_mean(link, links)}')
@@ -109,9 +106,8 @@ def read_description(path: Path) -> Description:
         above[key] = [("joint", joint.mimic[0])] if joint.mimic else []
     roots = [name for name in links if ("link", name) not in above]
     if len(roots) != 1:
-        at = (elements["link", roots[-1]] if roots else root).get(_PLACE)
         text = f"a robot has one <link> that hangs on no joint; here: {', '.join(roots) or 'none'}"
-        raise ConfigError(f"{at}: {text:.200}")
+        raise ConfigError(f"{(elements['link', roots[-1]] if roots else root).attrib[_PLACE]}: {text:.200}")
     try:
         order = [*TopologicalSorter(above).static_order()]
     except CycleError as error:

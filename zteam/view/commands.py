@@ -15,29 +15,11 @@ from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2
-from zteam.messages import (
-    Header,
-    Message,
-    OccupancyGrid,
-    PoseStamped,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    time_from_ns,
-)
+from zteam.messages import Header, Message, OccupancyGrid, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from zteam.messages.planar import pose2_of, pose_message
+from zteam.messages.std_msgs import time_from_ns
+from zteam.robot import client
 from zteam.robot.behaviors.formation import assign
-from zteam.robot.client import (
-    CANCEL,
-    CANCEL_LIMIT,
-    CancelReply,
-    CancelRequest,
-    ParametersClient,
-    StopClient,
-    StopResult,
-    navigation_query,
-    pause_lists,
-    start_robot,
-)
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
 from zteam.view.team_view import TeamView
@@ -150,13 +132,13 @@ class Commands:
         self._lock = threading.Lock()
         bus = state.node.bus
         self._simulator = simulator = SimulatorClient(bus)
-        stops, set_parameters = StopClient(bus, state.queries.names), ParametersClient(bus).set
+        stops, set_parameters = client.StopClient(bus, state.queries.names), client.ParametersClient(bus).set
         self._acts: Mapping[str, Callable[[Any], object]] = {
             "stop_robots": lambda _: _need_done(stops.engage()),
             "release_robots": lambda _: _need_done(stops.release()),
             "goal": self._send_goals,
             "cancel": self._cancel_goals,
-            "resume_lists": lambda _: pause_lists(bus, paused=False),
+            "resume_lists": lambda _: client.pause_lists(bus, paused=False),
             "initialpose": self._send_initial_pose,
             "pause": lambda _: simulator.pause(),
             "resume": lambda _: simulator.resume(),
@@ -167,7 +149,7 @@ class Commands:
             "spawn": self._spawn,
             "remove": lambda it: self._remove(it.robot),
             "move": lambda it: simulator.move(it.robot, it.x, it.y, it.yaw),
-            "start": lambda it: start_robot(bus, it.robot, it.behavior),
+            "start": lambda it: client.start_robot(bus, it.robot, it.behavior),
             "parameter": lambda it: set_parameters(names.robot_name(it.robot), {it.name: parse_value(it.value)}),
             "doctor": lambda _: state.diagnosis.start(),
         }
@@ -186,7 +168,7 @@ class Commands:
         robot_id = self._simulator.spawn(request.x, request.y, request.yaw, model=request.model)
         if request.behavior:
             try:
-                start_robot(self._state.node.bus, robot_id, request.behavior)
+                client.start_robot(self._state.node.bus, robot_id, request.behavior)
             except ZteamError as error:
                 raise ZteamError(f"{names.robot_name(robot_id)} stands there, without a behaviour: {error}") from None
 
@@ -195,7 +177,7 @@ class Commands:
         self._simulator.remove(robot_id)
         name, queries = names.robot_name(robot_id), self._state.queries
         if queries.alive(name) and queries.alive(names.LAUNCHER):
-            start_robot(self._state.node.bus, robot_id, ends=True)
+            client.start_robot(self._state.node.bus, robot_id, ends=True)
         elif queries.alive(name):
             raise ZteamError(f"it is out of the world, and its process {name} still runs: end it where it was started")
 
@@ -220,7 +202,7 @@ class Commands:
 
     def _cancel_goals(self, request: requests.CancelGoals) -> None:
         # A list may have sent a goal that the page has not seen.
-        others = pause_lists(self._state.node.bus, paused=True) if request.pauses else []
+        others = client.pause_lists(self._state.node.bus, paused=True) if request.pauses else []
         robots = [*dict.fromkeys((*request.robots, *others))]
         # Many at once: each robot that hangs takes its time to say nothing.
         with ThreadPoolExecutor(16, "cancel") as threads:
@@ -231,9 +213,10 @@ class Commands:
 
     def _cancel_goal(self, robot_id: int) -> str:
         """Why a goal cannot be given up; empty if it is."""
-        key, name, sim = navigation_query(robot_id, CANCEL), names.robot_name(robot_id), self._state.queries.sim
+        name, sim, bus = names.robot_name(robot_id), self._state.queries.sim, self._state.node.bus
+        key, limit = client.navigation_query(robot_id, client.CANCEL), client.CANCEL_LIMIT
         try:
-            answers = self._state.node.bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
+            answers = bus.query(key, client.CancelReply, client.CancelRequest(), timeout=limit)
         except BusError as error:
             return str(error)
         if not answers:
@@ -271,7 +254,7 @@ class Commands:
         return True
 
 
-def _need_done(results: Sequence[StopResult]) -> None:
+def _need_done(results: Sequence[client.StopResult]) -> None:
     """Raise ZteamError that names the processes that have not confirmed it."""
     failed = [str(result) for result in results if not result.is_done]
     if failed or not results:

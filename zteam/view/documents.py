@@ -8,27 +8,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from zteam import names
+from zteam import messages, names
 from zteam.bus.graph import rate_of
 from zteam.clock import NS_PER_S, monotonic, to_seconds
 from zteam.errors import DecodeError, printable, short
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import (
-    Fiducials,
-    Log,
-    Marker,
-    MarkerAction,
-    MarkerArray,
-    MarkerType,
-    NavigationState,
-    NavigationStatus,
-    PolygonStamped,
-    PoseStamped,
-    Range,
-    decode,
-    ns_from_time,
-    to_plain,
-)
+from zteam.messages import Fiducials, Log, Marker, NavigationStatus, PolygonStamped, PoseStamped, Range, ns_from_time
 from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
 from zteam.node.log_client import HOLD, LogOrder, level_name, line_of
@@ -73,9 +58,9 @@ class MarkerBoard:
     def take(self, key: str, markers: Iterable[Marker], now: float) -> None:
         for marker in markers:
             place = key, marker.ns, marker.id
-            if marker.action == MarkerAction.DELETEALL:
+            if marker.action == messages.MarkerAction.DELETEALL:
                 self._markers = {k: v for k, v in self._markers.items() if k[0] != key}
-            elif marker.action == MarkerAction.DELETE:
+            elif marker.action == messages.MarkerAction.DELETE:
                 self._markers.pop(place, None)
             elif place in self._markers or len(self._markers) < MAX_MARKERS:
                 span = marker.lifetime.sec + marker.lifetime.nanosec / 1e9
@@ -110,7 +95,7 @@ def drawn_polygon(key: str, polygon: PolygonStamped, frame: Pose2) -> dict[str, 
     """An outline as the marker of a closed line."""
     points = [(point.x, point.y) for point in polygon.polygon.points[:MAX_POINTS]]
     return {
-        "ns": key, "id": 0, "type": MarkerType.LINE_STRIP, **frame._asdict(),
+        "ns": key, "id": 0, "type": messages.MarkerType.LINE_STRIP, **frame._asdict(),
         "scale": (0.02, 0.0, 0.0), "color": None, "points": [*points, *points[:1]], "text": "",
     }  # fmt: skip
 
@@ -142,7 +127,7 @@ def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped
         ahead = ns_from_time(status.header.stamp) - ns_from_time(goal.header.stamp)
         if told.number < sent.number or -SETTLED < ahead < SETTLED:
             return goal, None
-    return None if status.state == NavigationState.IDLE else (status.goal, status)
+    return None if status.state == messages.NavigationState.IDLE else (status.goal, status)
 
 
 def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> dict[str, Any]:
@@ -154,7 +139,7 @@ def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, 
         "state": "sent", "distance": None, "seconds": None, "recoveries": 0, "text": "",
     }  # fmt: skip
     if status is not None:
-        row["state"] = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
+        row["state"] = messages.NavigationState(min(status.state, messages.NavigationState.CANCELED)).name.lower()
         row["recoveries"], row["text"] = status.recoveries, short(status.text)
     if status is not None and status.state in ON_THE_WAY:
         left = status.estimated_time_remaining
@@ -311,7 +296,7 @@ class Documents:
         self._board.keep(keys)
         for key in keys:
             for event in self._since(key):
-                if (array := event.read(MarkerArray)) is not None:
+                if (array := event.read(messages.MarkerArray)) is not None:
                     self._board.take(key, array.markers, event.time)
                 elif (marker := event.read(Marker)) is not None:
                     self._board.take(key, [marker], event.time)
@@ -360,9 +345,9 @@ def _shown(arrival: Arrival) -> Any:
         if arrival.kind is None:
             return f"{len(content)} bytes of {arrival.encoding or 'an unknown type'}"
         try:
-            content = decode(arrival.kind, content)
+            content = messages.decode(arrival.kind, content)
         except DecodeError as error:
             return f"not readable: {error}"
-    plain = to_plain(content)
+    plain = messages.to_plain(content)
     size = len(msgspec.json.encode(plain))
     return plain if size <= MAX_ECHO else f"a message of {size} bytes as JSON: too long to be shown"

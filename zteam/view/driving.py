@@ -40,7 +40,6 @@ class Lease(msgspec.Struct):
         return now - self.heard >= DEAD_MAN
 
     def send(self, now: float) -> None:
-        """Command the robot at host time `now`."""
         if self.wheels is not None:
             self.wheels.drive(Twist() if self.is_silent(now) else self.command)
 
@@ -144,7 +143,6 @@ class Driving:
         self._timer = self._loop.call_later(PERIOD, self._repeat) if self._leases else None
 
     def stop(self) -> None:
-        """The process ends: stop all robots."""
         for lease in self._leases.values():
             if lease.wheels is not None:
                 _halt(lease.wheels)

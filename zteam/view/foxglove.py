@@ -14,25 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam import names
+from zteam import messages, names
+from zteam.bus.graph import robots_of
 from zteam.bus.transport import Closeable, Declaration, RawSample
 from zteam.clock import Every, wall_ns
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.messages import (
-    Clock,
-    LaserScan,
-    Marker,
-    MarkerArray,
-    Message,
-    OccupancyGrid,
-    Path,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    Range,
-    ns_from_time,
-    type_of_encoding,
-)
+from zteam.messages import Message, ns_from_time, type_of_encoding
 from zteam.messages.message import definition_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.node.process_node import ProcessNode
@@ -100,7 +87,7 @@ class _Shown:
 
 
 class FoxgloveServer:
-    """Runs on a thread of its own, from `start` until `close`.
+    """Runs on a thread of its own until `close`.
 
     Its clients' requests come on threads of the SDK, and messages on those of the bus. They only note what came,
     or hand messages on: the thread of this server makes all calls of the bus.
@@ -138,8 +125,6 @@ class FoxgloveServer:
             raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
         self._close_front = open_front(listener, ("127.0.0.1", self._server.port), node.fail)
         self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
-
-    def start(self) -> None:
         self._thread.start()
 
     def close(self) -> None:
@@ -208,7 +193,7 @@ class FoxgloveServer:
             if sim is not None:
                 self._sim_time = sim.now
                 self._server.broadcast_time(sim.now)
-            self._clock = self._bus.subscribe(names.CLOCK, Clock, self._on_clock)
+            self._clock = self._bus.subscribe(names.CLOCK, messages.Clock, self._on_clock)
         for key, shown in self._shown.items():
             self._open_channel(key, shown)
             # A key of unknown type is subscribed to until its first message.
@@ -243,15 +228,12 @@ class FoxgloveServer:
             log.debug("%s", error)
             return None
 
-    def _on_clock(self, _key: str, message: Clock) -> None:
+    def _on_clock(self, _key: str, message: messages.Clock) -> None:
         self._sim_time = ns_from_time(message.clock)
         self._server.broadcast_time(self._sim_time)
 
-    def _now(self) -> int:
-        return wall_ns() if self._sim_time is None else self._sim_time
-
     def _show(self, channel: "Channel", data: bytes) -> None:
-        now = self._now()
+        now = wall_ns() if self._sim_time is None else self._sim_time
         if self._sim_time is None and now - self._told_time > TIME_STEP:
             self._told_time = now
             self._server.broadcast_time(now)
@@ -267,7 +249,6 @@ def serve_foxglove(node: ProcessNode, host: str, port: int, known_as: str, show:
     node.on_stop(server.close)
     if port and server.port != port:
         log.warning("port %d is taken: Foxglove finds the team at port %d", port, server.port)
-    server.start()
     show(f"Foxglove and Lichtblick find the team at ws://{known_as}:{server.port}")
 
 
@@ -287,7 +268,7 @@ def color_of(robot_id: int) -> str:
 def layout_of(keys: Mapping[str, type[Message] | None]) -> dict[str, Any]:
     """The layout: one panel from above that moves with the first robot, and shows map, frames, scans, paths, goals,
     outlines and markers. Costmaps and particles are there and hidden."""
-    robots = sorted({target[0] for target in map(names.split_robot_key, keys) if target is not None})
+    robots = sorted(robots_of(keys))
     topics = {f"/{key}": shown for key in sorted(keys) if (shown := _settings(key, keys[key])) is not None}
     panel = {
         "cameraState": {
@@ -314,32 +295,28 @@ def _settings(key: str, kind: type[Message] | None) -> dict[str, Any] | None:
     """How a topic is drawn; None if it is not."""
     target = names.split_robot_key(key)
     color = color_of(target[0]) if target is not None else "#888888"
-    if kind is LaserScan:
-        return {"visible": True, "colorMode": "flat", "flatColor": color, "pointSize": 3}
-    if kind is Path:
-        return {"visible": True, "type": "line", "lineWidth": 0.05, "gradient": [color, color]}
-    if kind is PoseStamped:
-        return {"visible": True, "type": "arrow", "color": color, "arrowScale": [0.6, 0.08, 0.08]}
-    if kind in (PolygonStamped, Range):
-        return {"visible": True, "color": color}
-    if kind is OccupancyGrid:
-        return {"visible": key == names.MAP, "colorMode": "map" if key == names.MAP else "costmap"}
-    if kind is PoseArray:
-        return {"visible": False, "color": color}
-    return {"visible": True} if kind in (Marker, MarkerArray) else None
+    settings: dict[type[Message] | None, dict[str, Any]] = {
+        messages.LaserScan: {"visible": True, "colorMode": "flat", "flatColor": color, "pointSize": 3},
+        messages.Path: {"visible": True, "type": "line", "lineWidth": 0.05, "gradient": [color, color]},
+        messages.PoseStamped: {"visible": True, "type": "arrow", "color": color, "arrowScale": [0.6, 0.08, 0.08]},
+        messages.PolygonStamped: {"visible": True, "color": color},
+        messages.Range: {"visible": True, "color": color},
+        messages.OccupancyGrid: {"visible": key == names.MAP, "colorMode": "map" if key == names.MAP else "costmap"},
+        messages.PoseArray: {"visible": False, "color": color},
+        messages.Marker: {"visible": True},
+        messages.MarkerArray: {"visible": True},
+    }
+    return settings.get(kind)
 
 
 def write_layout(node: ProcessNode, path: FilePath, show: Callable[[str], None]) -> None:
     """Write the layout of the topics that are there now. Raises ZteamError without a robot, UsageError for the file."""
-    keys: dict[str, type[Message] | None] = {}
-    has_robot = False
     for _ in range(LOOKS):
         keys = shown_keys(node.bus.declarations())
-        has_robot = any(names.split_robot_key(key) is not None for key in keys)
         # A session that has just opened may not know all others yet.
-        if has_robot or node.wait(lambda: node.stopping, PAUSE):
+        if robots_of(keys) or node.wait(lambda: node.stopping, PAUSE):
             break
-    if not has_robot:
+    if not robots_of(keys):
         raise ZteamError("--foxglove-layout: no robot is there: start the team first (zteam up)")
     try:
         path.write_bytes(msgspec.json.format(msgspec.json.encode(layout_of(keys)), indent=1) + b"\n")

@@ -8,31 +8,13 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from zteam import names
+from zteam import messages, names
 from zteam.bus import Bus
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import monotonic
 from zteam.errors import BusError, DecodeError
 from zteam.geometry import Pose2
-from zteam.messages import (
-    Fiducials,
-    LaserScan,
-    Log,
-    Marker,
-    MarkerArray,
-    Message,
-    NavigationStatus,
-    OccupancyGrid,
-    Odometry,
-    Path,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    Range,
-    TFMessage,
-    decode,
-    type_of_encoding,
-)
+from zteam.messages import Marker, MarkerArray, Message, decode, type_of_encoding
 from zteam.messages.topics import SENSORS, type_of_key
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
@@ -40,8 +22,6 @@ M = TypeVar("M", bound=Message)
 
 
 class Arrival(msgspec.Struct, eq=False):
-    """One message."""
-
     key: str
     content: bytes | Message
     """Its bytes, until it is read; then the message, for all readers."""
@@ -205,10 +185,10 @@ class Subscriptions:
 
 
 LAYERS: Mapping[str, tuple[type[Message], ...]] = {
-    "plans": (Path,),
-    "costmaps": (OccupancyGrid,),
-    "particles": (PoseArray,),
-    "markers": (Marker, MarkerArray, PolygonStamped),
+    "plans": (messages.Path,),
+    "costmaps": (messages.OccupancyGrid,),
+    "particles": (messages.PoseArray,),
+    "markers": (Marker, MarkerArray, messages.PolygonStamped),
 }
 """Message types by the layer that shows them."""
 MAX_KEYS = 1024
@@ -322,9 +302,9 @@ def sensor_topics(robot_id: int) -> set[Topic]:
 
 
 SENSED: Mapping[str, tuple[str, type[Message]]] = {
-    "scans": (names.all_numbered(names.BASE_SCAN), LaserScan),
-    "sonars": (names.all_numbered(names.SONAR), Range),
-    "fiducials": (names.FIDUCIALS, Fiducials),
+    "scans": (names.all_numbered(names.BASE_SCAN), messages.LaserScan),
+    "sonars": (names.all_numbered(names.SONAR), messages.Range),
+    "fiducials": (names.FIDUCIALS, messages.Fiducials),
 }
 """What the layers of sensors show of each robot in sight."""
 MAX_SCANNED = 100
@@ -357,10 +337,10 @@ def topics_of(
         return set()
     wanted = {*TEAM}
     if not aggregator:
-        wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
+        wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), messages.Odometry))
     else:
-        wanted.add(Topic(names.TF, TFMessage))
-        wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
+        wanted.add(Topic(names.TF, messages.TFMessage))
+        wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), messages.Odometry) for robot_id in truth_of}
     for viewer in viewers:
         layers = viewer.layers
         wanted |= drawables.topics(layers)
@@ -369,10 +349,10 @@ def topics_of(
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
         wanted |= {Topic(topic, latched=not field, every=bool(field)) for topic, field in viewer.watches}
         if "log" in viewer.look.docs:
-            wanted.add(Topic(names.log_key("*"), Log, every=True))
+            wanted.add(Topic(names.log_key("*"), messages.Log, every=True))
         if "goals" in layers:
-            wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
-            wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))
+            wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), messages.PoseStamped))
+            wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), messages.NavigationStatus))
         if "costs" in layers:
             wanted |= {Topic(names.robot_key(i, names.GLOBAL_COSTMAP), latched=True) for i in viewer.look.selected}
         for layer in layers & SENSED.keys():

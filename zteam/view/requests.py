@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from zteam.bus.transport import decode_json
 from zteam.config.numbers import Coordinate, RobotId
 from zteam.errors import DecodeError
 from zteam.names import is_wildcard
@@ -181,12 +182,8 @@ def decode_request(text: str | bytes) -> Request:
     """The request in a message of the page. Raises DecodeError that says what is wrong."""
     if len(text) > MAX_BYTES:
         raise DecodeError(f"a message of {len(text)} bytes: at most {MAX_BYTES} are taken")
-    try:
-        op = msgspec.json.decode(text, type=_Op).op
-        if op not in KINDS:
-            raise DecodeError(f"{op!r:.40} is no message of a page")
-        return msgspec.json.decode(text, type=KINDS[op])
-    except (msgspec.DecodeError, UnicodeError) as error:
-        raise DecodeError(str(error)) from None
-    except RecursionError:
-        raise DecodeError("it is nested too deeply") from None
+    payload = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
+    op = decode_json(payload, _Op).op
+    if op not in KINDS:
+        raise DecodeError(f"{op!r:.40} is no message of a page")
+    return decode_json(payload, KINDS[op])

@@ -10,23 +10,12 @@ from typing import Any
 
 import msgspec
 
-from zteam import names
+from zteam import messages, names
 from zteam.clock import FREEZES, monotonic
 from zteam.config.localisation import LOST_DEVIATION, LOST_DISTANCE, LOST_TURN
 from zteam.errors import short
 from zteam.geometry import Pose2, normalize_angle
-from zteam.messages import (
-    BaseInfo,
-    LaserScan,
-    OccupancyGrid,
-    PoseWithCovarianceStamped,
-    RobotDriver,
-    RobotState,
-    RobotStatus,
-    TeamState,
-    TeamStatus,
-    ns_from_time,
-)
+from zteam.messages import BaseInfo, LaserScan, OccupancyGrid, PoseWithCovarianceStamped, RobotState, RobotStatus
 from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names
 from zteam.robot.parameters import parameters_of
 from zteam.simulator.client import RobotShape, SimStatus
@@ -69,7 +58,7 @@ def robot_row(
         # Its place in the list of outlines; -1: not known.
         "outline": outlines.setdefault(msgspec.json.encode(polygons), len(outlines)) if polygons else -1,
         "behavior": short(status.behavior) if status else "", "leader": status.followed if status else -1,
-        "driver": "" if status is None else short(status.driver) if alive else RobotDriver.NONE,
+        "driver": "" if status is None else short(status.driver) if alive else messages.RobotDriver.NONE,
         "reason": " · ".join(filter(None, (lost, reason))), "speed": speed, "age": round(age, 2) if status else None,
         "lease": lease, "localised": not lost, "truth": truth, "stopped": stops,
         # Nothing would hold a real base without a robot process.
@@ -109,11 +98,11 @@ def _find_lost(
     return None, f"localisation lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
 
-def gate_row(status: TeamStatus | None) -> dict[str, str]:
+def gate_row(status: messages.TeamStatus | None) -> dict[str, str]:
     """The start gate, and what it waits for."""
     if status is None:
         return {"state": "waiting", "text": "no monitor"}
-    if status.state == TeamState.GO:
+    if status.state == messages.TeamState.GO:
         return {"state": "go", "text": "GO given"}
     waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, status.missing.tolist()))
     return {"state": "waiting", "text": f"{status.ready.size} of {status.team_size} ready; waiting for {waits}"}
@@ -233,7 +222,7 @@ class Scene:
 
     def _find_sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> tuple[LaserScan, Pose2] | None:
         """A scan in the axes of its robot's base, and where it began, or where it begins now if that stays unknown."""
-        state, stamp = self._state, ns_from_time(scan.header.stamp)
+        state, stamp = self._state, messages.ns_from_time(scan.header.stamp)
         base, seen = state.places.base_at(robot_id, stamp), state.places.level(robot_id, scan)
         if base is None and late:
             base = state.places.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))

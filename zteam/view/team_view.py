@@ -7,33 +7,15 @@ from typing import TypeVar
 
 from zteam import names
 from zteam.geometry import FAR, Pose2
-from zteam.messages import (
-    Header,
-    LaserScan,
-    Message,
-    Odometry,
-    TFMessage,
-    Transform,
-    TransformStamped,
-    Vector3,
-    ns_from_time,
-)
+from zteam.messages import Header, LaserScan, Message, Odometry, TFMessage, Transform, TransformStamped, Vector3
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.planar import pose2_of
+from zteam.messages.std_msgs import ns_from_time
 from zteam.node.process_node import ProcessNode
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan
 from zteam.view.queries import ASK_PERIOD, Diagnosis, TeamQueries
-from zteam.view.received import (
-    FAST_PERIOD,
-    PERIOD,
-    Arrival,
-    Drawables,
-    Received,
-    Subscriptions,
-    Viewer,
-    topics_of,
-)
+from zteam.view.received import FAST_PERIOD, PERIOD, Arrival, Drawables, Received, Subscriptions, Viewer, topics_of
 
 M = TypeVar("M", bound=Message)
 

@@ -104,6 +104,7 @@ def test_an_endpoint_of_zenoh_is_taken(endpoint: str) -> None:
         ("tcp:7447", LOCAL), ("tls", "tls/127.0.0.1:7447"), ("tcp:pc", "tcp/pc:7447"), ("tcp/pc:", "tcp/pc:7447"),
         ("pc:x", "tcp/pc:7447"), ("tcp/pc:99999", "tcp/pc:7447"), ("tcp/[::1]:", "tcp/[::1]:7447"),
         ("pc 7448", "tcp/pc:7448"), ("http://me@pc:1", "tcp/pc:1"), ("tcp/pc:1/x/y", "tcp/pc:1"),
+        ("tcp/pc:7447:", "tcp/pc:7447"), ("pc:7448:", "tcp/pc:7448"), ("tls://pc:1:x", "tls/pc:1"),
     ],
 )  # fmt: skip
 def test_an_endpoint_as_people_write_it_is_refused_with_the_right_form(written: str, meant: str) -> None:

@@ -174,6 +174,7 @@ def test_new_takes_a_large_plan(run: Run) -> None:
         (". --resolution 0.05", "cannot read bitmap ."),
         ("plan.png --resolution 0.05 -o 'a\"b.world'", "a name with a quote"),
         ("plan.png --resolution 0.05 -o '${a}.world'", "a name with a quote or a $"),
+        ("plan.png --resolution 0.05 -o 'a\"b.toml'", ': -o a"b.toml: '),
         ("plan.png --resolution 0.05 -o none/plan.world", "-o none/plan.world: there is no folder none"),
         ("plan.png --resolution 0.05 -o yard.world", "yard.world exists already; choose another name with -o, or"),
         ("plan.png --resolution 0.05 -o taken.world", "taken.toml exists already"),

@@ -75,7 +75,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         },
         publishers=_publishers(graph, lambda each: each.publishes, places),
         # What all nodes subscribe to is no mistake of a user's own.
-        unpublished=unpublished(graph, subscribed - {names.CLOCK, names.TICK}, heard),
+        unpublished=unpublished(graph, subscribed - {names.CLOCK, names.TICK}, heard) or {},
         faults=faults,
         dropped=_publishers(graph, lambda each: each.dropped, {}),
         counts={

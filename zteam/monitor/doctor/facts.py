@@ -14,8 +14,6 @@ from zteam.transforms.lasers import LaserProblem
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """One check."""
-
     what: str
     good: bool
     """False for a problem that exists now."""

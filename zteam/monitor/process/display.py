@@ -46,8 +46,6 @@ _EVENTS: Mapping[str, int | str] = {"go": "1;32", "lost": "1;31", "fault": 31, "
 
 
 class Row(msgspec.Struct):
-    """One robot."""
-
     robot: str
     state: str
     """A state of its own (`RobotState`), or `lost`, `silent`, `absent`, which the monitor sees."""
@@ -269,12 +267,10 @@ class TeamDisplay:
         self._limit = EventLimit()
         self._leave_at: float | None = None
         self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout
-        self._nag = Every(5.0)
-        self._nag.due()
+        self._nag = Every(5.0, after=5.0)
         self._nagged = ""
         """What the log said last that GO waits for."""
-        self._table = Every(_LIVE_PERIOD if output.is_live else options.table or 0.0)
-        self._table_from = monotonic() + (0.0 if output.is_live else _STATUSES)
+        self._table = Every(_LIVE_PERIOD) if output.is_live else Every(options.table or 0.0, after=_STATUSES)
         self._poses = Poses(node, self._robots) if output.is_live or options.table is not None else None
         """None if no table is shown."""
 
@@ -318,7 +314,7 @@ class TeamDisplay:
         for event in filter(None, limited):
             _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", event.sentence)
             self._output.show(event)
-        if self._poses and monotonic() >= self._table_from and self._table.due():
+        if self._poses and self._table.due():
             self._print_table()
         if not gone and monotonic() >= self._give_up_at:
             raise ZteamError(f"no GO within {self._options.go_timeout:g} s: waiting for {waiting_for}")

@@ -77,8 +77,7 @@ class Monitor:
                 self.gate.expect(ids)
 
     def _publish(self) -> None:
-        status = self.gate.status(self._node.clock.now())
-        known = self._published
+        status, known = self.gate.status(self._node.clock.now()), self._published
         if known is not None:
             status.header = known.header
         if status != known:
@@ -136,10 +135,9 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    awaited = counted(options.team_size, "robot")
-    if options.ids is not None:
-        awaited = f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
     if not node.in_team:
+        size, ids = options.team_size, options.ids
+        awaited = f"robot{'s' * (len(ids) > 1)} {format_robot_ids(ids)}" if ids is not None else counted(size, "robot")
         log.info("start gate: waiting for %s, then GO", awaited)
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

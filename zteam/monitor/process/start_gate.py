@@ -65,8 +65,6 @@ class EventLimit:
 
 
 class KnownRobot(msgspec.Struct):
-    """What is known of one robot."""
-
     alive: bool = False
     """Whether a process holds the robot's name."""
     status: RobotStatus | None = None

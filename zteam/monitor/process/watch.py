@@ -39,8 +39,7 @@ class WriterWatch:
 
     def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
         self._node, self._team, self._seen = node, team, seen
-        self._due, self._ask_all = Every(LOOK), Every(ASK_ALL)
-        self._ask_all.due()
+        self._due, self._ask_all = Every(LOOK), Every(ASK_ALL, after=ASK_ALL)
         self._told: dict[str, list[str]] = {}
         """By key: the sessions that publish on it, where there is more than one."""
         self._published: dict[str, list[str]] = {}

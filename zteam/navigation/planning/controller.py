@@ -127,7 +127,6 @@ class RegulatedPurePursuit:
         self._at, self._rotating, self._at_end = 0, False, False
 
     def remaining(self) -> float:
-        """Metres of the path that lie before the robot."""
         return float(self._along[-1] - self._along[self._at]) if len(self._path) else 0.0
 
     def command(self, costmap: Costmap, pose: Pose2, velocity: Velocity, seconds: float) -> Velocity:
@@ -302,7 +301,6 @@ class ProgressChecker:
         self._since = 0.0
 
     def reset(self) -> None:
-        """Begin anew at the next check."""
         self._from = None
 
     def makes_progress(self, now: float, pose: Pose2) -> bool:

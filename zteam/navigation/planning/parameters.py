@@ -157,8 +157,7 @@ class WindowOptions(CheckedOptions, frozen=True):
     footprint: Any = ""
     """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"; "[]" is none. `outline` reads it."""
     footprint_padding: NotNegative = 0.03
-    """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
-    direction."""
+    """Metres; more than Nav2's 0.01: the safety layer lets no robot move that is closer than 0.025 to a wall."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -191,8 +190,6 @@ class _Place(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """All of them."""
-
     localizer: Localizer = "amcl"
     amcl: Annotated[AmclOptions, _Place("amcl")] = AmclOptions()
     initial_pose: Annotated[FirstPose, _Place("amcl")] = FirstPose()
@@ -389,16 +386,11 @@ def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[
     return options, sorted(parameters.keys() - known.keys())
 
 
-_OWN: dict[str, tuple[str, Any, type[msgspec.Struct]]] = {
-    "planner": (ASTAR, AStarPlanner, AStarOptions),
-    "controller": (PURSUIT, RegulatedPurePursuit, PursuitOptions),
+_OWN: dict[str, tuple[str, Any, type[msgspec.Struct], str]] = {
+    "planner": (ASTAR, AStarPlanner, AStarOptions, r"smac_planner|nav2_\w+_planner"),
+    "controller": (PURSUIT, RegulatedPurePursuit, PursuitOptions, r"dwb_core|nav2_\w+_controller"),
 }
-"""Of each kind of plug-in: zteam's own, its class and its options."""
-_OF_NAV2 = {
-    "planner": re.compile(r"(?:smac_planner|nav2_\w+_planner)(?:::|[/:.])\w+"),
-    "controller": re.compile(r"(?:dwb_core|nav2_\w+_controller)(?:::|[/:.])\w+"),
-}
-"""Names of Nav2's plug-ins, whose work zteam's own does here; files separate their parts by `::` or `/`."""
+"""Of each kind of plug-in: zteam's own, its class, its options, and the packages of Nav2's, whose work it does here."""
 
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
@@ -412,7 +404,7 @@ def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
 
 
 def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
-    own, make, options = _OWN[kind]
+    own, make, options, _ = _OWN[kind]
     if (found := plugin_name(kind, name)) != own:
         return load_offered(f"zteam.{kind}s", found)(parameters)
     return make(read_options(options, parameters)[0])
@@ -420,10 +412,11 @@ def _make(kind: str, name: str, parameters: Mapping[str, Any]) -> Any:
 
 def plugin_name(kind: str, name: str, where: str = "") -> str:
     """zteam's own name of a "planner" or "controller", or a package's, which is not imported. Raises UsageError."""
-    own, group = _OWN[kind][0], f"zteam.{kind}s"
+    (own, _, _, packages), group = _OWN[kind], f"zteam.{kind}s"
     if name == own or name in (there := offered(group)):
         return name
-    if _OF_NAV2[kind].fullmatch(name.strip()):
+    # Files separate the parts by `::` or `/`.
+    if re.fullmatch(rf"(?:{packages})(?:::|[/:.])\w+", name.strip()):
         return own
     known = f"there are {', '.join(sorted({own, *there}))}, and packages may offer more ({group})"
     raise UsageError(f"{where}there is no {kind} {name!r}: {known}")

@@ -87,8 +87,7 @@ class Recovery:
     def step(self, now: float, pose: Pose2, *costmaps: Costmap) -> Velocity | None:
         """What to do at `now` (s) with a robot at `pose`; None: the behaviour is over, plan and drive again.
 
-        No motion touches an obstacle of any of the `costmaps`, since a local one may lack the map's walls. It clears
-        them itself.
+        No motion touches an obstacle of any of the `costmaps`: a local one may lack the map's walls. It clears them.
         """
         moved = math.dist(pose[:2], self._moved_to[:2]), abs(normalize_angle(pose.yaw - self._moved_to.yaw))
         if max(moved) > _MOVES:

@@ -38,8 +38,7 @@ def find_ends(
     """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
 
     (n, 2) and (n): beams that say nothing are left out, and those that met something too close to measure. A beam
-    longer than `far` (m) ends there and meets nothing.
-    `chosen` are the numbers of the beams to look at; all by default.
+    longer than `far` (m) ends there and meets nothing. `chosen` are the numbers of the beams to look at; None is all.
     """
     ranges = scan.ranges if chosen is None else scan.ranges[chosen]
     distances = read_ranges(ranges, scan.range_min, scan.range_max).distances

@@ -31,8 +31,6 @@ class Situation(NamedTuple):
 
 
 class Costmaps:
-    """Both costmaps of one robot."""
-
     def __init__(self, parameters: Parameters, base: Base, grid: GridMap) -> None:
         """Raises ValueError for parameters that do not fit this map or this base."""
         self._parameters, self._grid = parameters, grid

@@ -113,9 +113,8 @@ class Inputs:
         if scan is None:
             self.scan_problem = f"it needs {problem.noun}" if problem else ""
             return None
-        return Scan(
-            scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, Pose2(*laser, 0.0)
-        )
+        sensor = Pose2(*laser, 0.0)
+        return Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, sensor)
 
     def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
         """The other ones of these robots whose place in `map` is known and not old."""

@@ -172,7 +172,6 @@ def deviations_of(message: PoseWithCovarianceStamped) -> tuple[float, float, flo
 
 
 def make_localiser(grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None) -> Localiser:
-    """The localiser that the parameters name."""
     if parameters.localizer == "fake":
         return FakeLocaliser(parameters.fake, seed)
     return Localiser() if parameters.localizer == "none" else AmclLocaliser(grid, parameters, seed, pose)

@@ -29,7 +29,7 @@ class Navigator:
 
     def __init__(self, parameters: Parameters, planner: Planner, controller: Controller) -> None:
         """`planner` may be shared: it keeps nothing from one plan to the next."""
-        self._parameters, self._planner, self._controller = parameters, planner, controller
+        self._parameters, self._planner, self.controller = parameters, planner, controller
         self._goal_checker = GoalChecker(parameters.goal)
         self._progress = ProgressChecker(parameters.progress)
         self._recovery = Recovery(parameters.recovery)
@@ -74,11 +74,7 @@ class Navigator:
     @property
     def distance_remaining(self) -> float:
         """Metres of the path before the robot."""
-        return 0.0 if self.path is None else self._controller.remaining()
-
-    def use_controller(self, controller: Controller) -> None:
-        self._controller = controller
-        self.plan_anew()
+        return 0.0 if self.path is None else self.controller.remaining()
 
     def accept(self, message: PoseStamped, goal: Pose2) -> None:
         """Go to `goal` (in `map`), as `message` asks for: it replaces the goal that there was."""
@@ -104,7 +100,7 @@ class Navigator:
         self._forget_path()
 
     def plan_anew(self) -> None:
-        """There is another map: what was planned on the old one does not count."""
+        """There is another map or controller: what was planned does not count."""
         self._forget_path()
         if self.active:
             self.state = NavigationState.PLANNING
@@ -162,14 +158,14 @@ class Navigator:
                 self._fail(here, goal, str(error))
             return False
         self.path = plan.path
-        self._controller.set_path(plan.path)
+        self.controller.set_path(plan.path)
         self.text = f"plans to {plan.short_of_goal:.2f} m from the goal" if plan.short_of_goal else ""
         self.state = NavigationState.DRIVING
         return True
 
     def _drive(self, here: Situation, costmaps: Costmaps, goal: Pose2) -> Velocity:
         assert self.path is not None
-        pose, left = here.pose, self._controller.remaining()
+        pose, left = here.pose, self.controller.remaining()
         if self._goal_checker.is_reached(pose, Pose2(*self.path[-1].tolist())):
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
@@ -179,7 +175,7 @@ class Navigator:
         self._note_progress(pose, left)
         ahead = move(pose, here.pending, here.seconds)
         try:
-            velocity = self._controller.command(costmaps.local, ahead, here.pending, here.seconds)
+            velocity = self.controller.command(costmaps.local, ahead, here.pending, here.seconds)
         except BlockedError as error:
             if self._blocked_since is None:
                 self._blocked_since, self._planned = here.now, -math.inf
@@ -203,7 +199,6 @@ class Navigator:
             self._least_left, self._in_vain = math.inf, 0
 
     def _fail(self, here: Situation, goal: Pose2, reason: str) -> Velocity:
-        """Begin the next recovery, or give up."""
         pose = here.pose
         if self._in_vain >= _IN_VAIN * self._parameters.recovery.number_of_retries > 0:
             end = f"{reason}: gave up after {self._in_vain} recoveries that brought it no nearer to the goal"

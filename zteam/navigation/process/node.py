@@ -152,7 +152,6 @@ class NavigationNode:
             robot.step(now, self._tick_length, team)
 
     def run(self) -> None:
-        """Navigate until the process is asked to stop."""
         for claim in self._claims:
             claim.win(self._node.stop.request)
             self._node.claim.under_name.append(Handle(claim.release))

@@ -147,7 +147,6 @@ class Outputs:
         self._local.show(now, costmaps.local)
 
     def log(self, navigator: Navigator) -> None:
-        """Log how it goes, in few lines."""
         news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
         if news != self._logged and navigator.state is not messages.NavigationState.IDLE:
             self._logged = news

@@ -46,7 +46,8 @@ class RobotNavigation:
     def set_base(self) -> None:
         """The robot's base is another one than before: its outline or its limits."""
         self._costmaps, self._unfit = None, ""
-        self.navigator.use_controller(self._parameters.make_controller(self.inputs.base))
+        self.navigator.controller = self._parameters.make_controller(self.inputs.base)
+        self.navigator.plan_anew()
 
     def forget(self) -> None:
         """Time jumped back: nothing of before counts, the goal neither."""

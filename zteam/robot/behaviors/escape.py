@@ -6,7 +6,6 @@ tells whether a turn or a drive works. One that does not is not tried there agai
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.kernels import safety as kernels
 from zteam.messages import Twist, Vector3
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import outline_of
@@ -21,37 +21,14 @@ from zteam.robot.view import View, beams_of
 
 CELL = 0.05
 """Metres: side of a cell of the search. The robot stands on the middle one, and its x axis is the search's."""
-REACH = 1.6
-"""Metres from the robot up to which it looks for a way."""
-MARGIN = 0.03
-"""Metres that are free around the robot."""
-STEPS = ((2, 0), (2, 1), (1, 1), (1, 2))
-"""Cells of a step forward, for the headings of the first quarter."""
-HEADINGS = tuple(
-    (dx, dy)
-    for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))
-    for dx, dy in ((x * ahead - y * aside, y * ahead + x * aside) for ahead, aside in STEPS)
-)
-ANGLES = tuple(math.atan2(dy, dx) for dx, dy in HEADINGS)
-_ANGLES, _STEPS, _NUMBERS = np.array(ANGLES), np.array(HEADINGS), np.arange(len(HEADINGS))
-_NOWHERE = np.empty(0, np.intp)
-WALL_STEPS, MATE_STEPS = 3, 5
-"""Steps that have to be free for one: the safety layer stops a robot so far ahead of a wall, and of a teammate."""
-PRICES = {1: 1, 2: 1, -2: 1, -1: 3}
-"""Of a step of each kind of move: where it drives back no laser looks."""
-MOST_COST = 200
-"""Of all moves."""
-NEARER, LEAST_NEARER = 0.5, 0.15
-"""Metres that a way leads nearer to the place, if there is such a one, and that it does at least."""
+_HALF = ((2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (-1, 2), (-1, 1), (-2, 1))
+STEPS = (*_HALF, *((-x, -y) for x, y in _HALF))
+"""Cells of a step forward for each heading, counter-clockwise."""
+_HEADINGS = np.array([(x, y, yaw := math.atan2(y, x), math.cos(yaw), math.sin(yaw)) for x, y in STEPS])
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
 BESIDE = 0.9
 """Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
-FAILED_NEAR, FAILED_HEADINGS = 3, 3
-"""Cells around the place of a move that did not work, and headings, for which none like it is tried."""
-ON_WAY, OFF_COST, OFF_WAY = 0.15, 3.0, 100.0
-"""Metres beside the way within which a place is on it; what a metre beside it counts in metres along it elsewhere, and
-what it counts at all to be off it."""
 
 
 class Move(NamedTuple):
@@ -62,35 +39,11 @@ class Move(NamedTuple):
     end: Pose2
 
 
-@lru_cache(maxsize=16)
-def _covered(footprint: tuple[Point2, ...]) -> tuple[NDArray[np.intp], ...]:
-    """By heading: the cells (n, 2) that a base covers with its margin."""
-    outline = outline_of(footprint)
-    far = math.ceil((outline.radius + MARGIN) / CELL)
-    cells = np.stack(np.meshgrid(*(np.arange(-far, far + 1),) * 2), axis=-1).reshape(-1, 2)
-    points = [_from_frame(Pose2(0.0, 0.0, -angle), CELL * cells.T) for angle in ANGLES]
-    return tuple(cells[outline.distances(each) <= MARGIN] for each in points)
-
-
 def _from_frame(pose: Pose2, points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Points (2, n) of the frame at `pose`, in the frame that this is in."""
     (x, y, yaw), (xs, ys) = pose, points
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.array((x + cos * xs - sin * ys, y + sin * xs + cos * ys))
-
-
-def _blocked(view: View, points: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
-    """By heading: the places (rows from below) where the base cannot be for these points (2, n) of its frame."""
-    middle = size // 2
-    # What is nearer than the margin now, by the cells, does not keep it from moving away.
-    points = points[:, outline_of(view.base.footprint).distances(points) > MARGIN + CELL]
-    cells = np.unique(np.round(points.T / CELL).astype(int), axis=0)
-    found = np.zeros((len(HEADINGS), size, size), bool)
-    for grid, covered in zip(found, _covered(view.base.footprint), strict=True):
-        at = (cells[:, None] - covered[None]).reshape(-1, 2) + middle
-        at = at[((at >= 0) & (at < size)).all(axis=1)]
-        grid[at[:, 1], at[:, 0]] = True
-    return found
 
 
 def find_moves(
@@ -103,77 +56,16 @@ def find_moves(
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
     """
-    reach = round(REACH / CELL)
-    middle = reach + 2 * MATE_STEPS
-    size = 2 * middle + 1
-    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 2.0 * REACH + mate.base.radius]
+    outline = outline_of(view.base.footprint)
+    # Teammates more metres away are out of reach.
+    near_mates = [mate for mate in view.teammates if math.hypot(*mate.pose[:2]) < 3.2 + mate.base.radius]
     borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
-    mates = _blocked(view, np.hstack([np.empty((2, 0)), *borders]), size)
-    walls = mates | _blocked(view, hits, size)
-    # By kind of move: from where it leads to a free place, and how far that is in the table of all of them.
-    works = {kind: np.roll(~walls, -kind // 2, axis=0) for kind in (2, -2)}
-    offsets = {kind: size * size * ((_NUMBERS + kind // 2) % len(HEADINGS) - _NUMBERS) for kind in (2, -2)}
-    rows, columns = np.ogrid[-middle : middle + 1, -middle : middle + 1]
-    inside = rows * rows + columns * columns <= reach * reach
-    for kind in (1, -1):
-        works[kind] = np.repeat(inside[None], len(HEADINGS), axis=0)
-        offsets[kind] = kind * (size * _STEPS[:, 1] + _STEPS[:, 0])
-        for heading, step in enumerate(offsets[kind].tolist()):
-            for ahead in range(1, MATE_STEPS):
-                grid = walls if ahead < WALL_STEPS else mates
-                works[kind][heading] &= ~np.roll(grid[heading], -ahead * step)
-    for kind, pose in failed:
-        near = np.argsort(-np.cos(_ANGLES - pose.yaw))[:FAILED_HEADINGS]
-        x, y = (max(0, round(part / CELL) + middle - FAILED_NEAR) for part in pose[:2])
-        works[kind][near, y : y + 2 * FAILED_NEAR + 1, x : x + 2 * FAILED_NEAR + 1] = False
-    left = _left(way, size, [*shunned, *(mate.pose[:2] for mate in view.teammates)]).ravel()
-    start = best = middle * size + middle
-    nearest, enough = left[start] - LEAST_NEARER, min(left[start] - NEARER, OFF_WAY)
-    costs, kinds = np.full(walls.size, MOST_COST), np.zeros(walls.size, np.int8)
-    costs[start] = 0
-    fronts: dict[int, list[NDArray[np.intp]]] = {0: [np.array([start])]}
-    for cost in range(MOST_COST):
-        front = np.unique(np.concatenate(fronts.pop(cost, [_NOWHERE])))
-        front = front[costs[front] == cost]
-        if not front.size:
-            continue
-        lefts = left[front % (size * size)]
-        at = int(lefts.argmin())
-        if lefts[at] < nearest:
-            best, nearest = int(front[at]), lefts[at]
-        if nearest <= enough:
-            break
-        for kind, price in PRICES.items():
-            begins = front[works[kind].ravel()[front]]
-            ends = begins + offsets[kind][begins // (size * size)]
-            ends = ends[costs[ends] > cost + price]
-            costs[ends], kinds[ends] = cost + price, kind
-            fronts.setdefault(cost + price, []).append(ends)
-    moves: list[Move] = []
-    while best != start:
-        kind, (heading, place) = int(kinds[best]), divmod(best, size * size)
-        y, x = divmod(place, size)
-        if not moves or moves[-1].kind != kind:
-            moves.append(Move(kind, Pose2(CELL * (x - middle), CELL * (y - middle), ANGLES[heading])))
-        before = (heading - kind // 2) % len(HEADINGS) if abs(kind) == 2 else heading
-        best -= int(offsets[kind][before])
-    return moves[::-1]
-
-
-def _left(way: Sequence[Point2], size: int, shunned: Sequence[Point2]) -> NDArray[np.float64]:
-    """By place (rows from below): what is left from there to the end of the way, over the best of its points. Without a
-    way: less the further away it is, and nothing is won near places that are `shunned`."""
-    places = CELL * (np.arange(size) - size // 2)
-    if not way:
-        away = np.hypot(places, places[:, None])
-        near = [np.hypot(places - x, places[:, None] - y) < BESIDE for x, y in shunned]
-        return np.where(np.logical_or.reduce([away < LEAST_AWAY, *near]), 0.0, -NEARER / AWAY * away)
-    points = np.array(way)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    after = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-    off = np.hypot(places[None, :, None] - points[:, 0], places[:, None, None] - points[:, 1])
-    found: NDArray[np.float64] = (after + np.where(off < ON_WAY, 0.0, OFF_WAY + OFF_COST * off)).min(axis=2)
-    return found
+    found = kernels.find_moves(
+        outline.rows, outline.radius, np.hstack([hits, *borders]).T, hits.shape[1], way,
+        [*shunned, *(mate.pose[:2] for mate in view.teammates)], [(kind, *pose) for kind, pose in failed],
+        _HEADINGS, CELL, (AWAY, LEAST_AWAY, BESIDE),
+    )  # fmt: skip
+    return [Move(int(kind), Pose2(x, y, yaw)) for kind, x, y, yaw in found.tolist()]
 
 
 TURNS_WITHIN = to_ns(1.0)

@@ -204,11 +204,9 @@ class Driver:
 
     def _lacking(self, view: View) -> list[str]:
         has_none = view.scan is None and not view.scan_needs
-        if self.absence and has_none:
-            return [f"its first scan: {self.absence}"]
-        lacking = missing(view, self.behavior) + self._inputs.missing()
-        if self.absence and lacking:
-            lacking[-1] += f": {self.absence}"
-        if self.is_alone and has_none and view.odom is None:
-            lacking[-1] += f": {ALONE}"
+        why = ALONE if self.is_alone and has_none and view.odom is None else self.absence
+        is_absent = has_none and bool(self.absence)
+        lacking = ["its first scan"] if is_absent else missing(view, self.behavior) + self._inputs.missing()
+        if why and lacking:
+            lacking[-1] += f": {why}"
         return lacking

@@ -9,22 +9,10 @@ from typing import Any
 from zteam import names
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
-from zteam.messages import (
-    BaseInfo,
-    Header,
-    LaserScan,
-    Message,
-    Odometry,
-    RobotDriver,
-    RobotStatus,
-    TFMessage,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-    ns_from_time,
-)
+from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotDriver, RobotStatus, TFMessage, Twist
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
-from zteam.messages.geometry_msgs import bases_stamp
+from zteam.messages.geometry_msgs import TransformStamped, TwistStamped, bases_stamp
+from zteam.messages.std_msgs import ns_from_time
 from zteam.robot.behaviors.behavior import DeclaredInput
 from zteam.robot.view import SILENT_AFTER, View
 from zteam.transforms import Buffer, TransformException

@@ -29,22 +29,8 @@ from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, re
 from zteam.robot.behaviors.wander import Forward, ForwardParams
 from zteam.robot.safety.layer import SafetyLayer
 from zteam.robot.safety.motion import BaseLimits
-from zteam.robot.trials.situations import (
-    DT,
-    LEADER,
-    OTHER_POSES,
-    POSES,
-    ROBOT,
-    SITUATIONS,
-    STALE_SITUATIONS,
-    Moment,
-    bounds,
-    empty_messages,
-    given_params,
-    lookup_in,
-    make_views,
-    steady,
-)
+from zteam.robot.trials import situations
+from zteam.robot.trials.situations import DT, LEADER, POSES, ROBOT, SITUATIONS, empty_messages, make_views, steady
 from zteam.robot.view import View
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.to_messages import odometry_message, scan_message
@@ -147,7 +133,7 @@ class Trial:
                 return
 
     def look(
-        self, situation: Iterable[Moment], ages: tuple[float, float] = (0.0, 0.0), robots: Sequence[int] = ()
+        self, situation: Iterable[situations.Moment], ages: tuple[float, float] = (0.0, 0.0), robots: Sequence[int] = ()
     ) -> list[Velocity]:
         """What a new object answers in a situation; `robots` send empty messages. Raises TrialOver, as all below."""
         behavior, before = self.make(), len(self.answers)
@@ -224,7 +210,7 @@ def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
     """A robot that other old poses would move otherwise, and that stands or fails while these are unknown, drives by
     them."""
     own, unknown = ages[0] > 0.0, list[Velocity]()
-    others = [poses if own else {**poses, ROBOT: POSES[ROBOT]} for poses in OTHER_POSES]
+    others = [poses if own else {**poses, ROBOT: POSES[ROBOT]} for poses in situations.OTHER_POSES]
     here, *there = (str(trial.look(steady(poses=each), ages)) for each in (POSES, *others))
     known = dict(trial.faults)
     with suppress(TrialOver):
@@ -235,7 +221,7 @@ def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
 
 
 def _try_bounds(trial: Trial) -> None:
-    for name, value in bounds(trial.kind):
+    for name, value in situations.bounds(trial.kind):
         # Another rule of its Params may forbid this value.
         with suppress(UsageError):
             trial.label, given = f", with {name} = {value}", trial.read({name: value})
@@ -307,7 +293,7 @@ def _view(observation: Observation, robot_id: int, inputs: Mapping[str, Any]) ->
         robot_id=robot_id,
         scan=scan_message(observation, robot_id, 0),
         odom=odometry_message(observation, robot_id),
-        lookup=lookup_in({i: robot.truth for i, robot in observation.robots.items()}, now),
+        lookup=situations.lookup_in({i: robot.truth for i, robot in observation.robots.items()}, now),
         team=tuple(observation.robots),
         bases=dict.fromkeys(observation.robots, DEFAULT_BASE),
         inputs=inputs,
@@ -321,8 +307,8 @@ def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], object]]:
     }
     if kind.inputs:
         found["empty messages on its inputs"] = partial(Trial.look, situation=steady(), robots=(LEADER, 2))
-    found |= {name: partial(_look_at_old_poses, ages) for name, ages in STALE_SITUATIONS.items()}
-    if any(bounds(kind)):
+    found |= {name: partial(_look_at_old_poses, ages) for name, ages in situations.STALE_SITUATIONS.items()}
+    if any(situations.bounds(kind)):
         found["parameters at their bounds"] = _try_bounds
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
@@ -332,7 +318,7 @@ def run_trials(spec: str, kind: type[Behavior], params: dict[str, Any]) -> Itera
 
     Raises UsageError where `params` are not what it takes.
     """
-    given = given_params(spec, kind, params)
+    given = situations.given_params(spec, kind, params)
     read_params(spec, kind, given, ROBOT)
     for name, act in all_trials(kind).items():
         began, trial = monotonic(), Trial(spec, kind, given)

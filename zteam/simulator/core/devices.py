@@ -46,11 +46,8 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
 
 def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> Sense:
     visible, own = scene.visible, Fans(mount_devices(owned), BeamTable.ahead(0.0))
-    targets = [
-        (marker, source, mover, model.pose)
-        for source, (mover, model) in enumerate(scene.models)
-        for marker in model.markers
-    ]
+    numbered = enumerate(scene.models)
+    targets = [(marker, source, mover, model.pose) for source, (mover, model) in numbered for marker in model.markers]
     sources = np.array([source for _, source, _, _ in targets], np.int64)
     keys = np.array([marker.key for marker, *_ in targets], np.int64)
 

@@ -346,10 +346,8 @@ def _find_walls(plans: Sequence[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]
         lines = borders[id(plan.occupied)]
         left -= len(lines)
         if left < 0:
-            raise UsageError(
-                f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
-                "smooth it, or take the physics stage or kinematic"
-            )
+            text = f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall"
+            raise UsageError(f"{text}: smooth it, or take the physics stage or kinematic")
         yield plan, lines
 
 

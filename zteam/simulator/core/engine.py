@@ -153,9 +153,7 @@ class RobotArrays:
         poses, first = self.bodies.poses.tolist(), len(self._robots)
         robots = {robot_id: replace(self._robots[i], pose=pose_of(poses[i])) for robot_id, i in self.ids.items()}
         pushed = iter(poses[first:])
-        things = [
-            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed))) for thing in world.obstacles
-        ]
+        things = [o if o.mass is None else replace(o, pose=Pose2(*next(pushed))) for o in world.obstacles]
         return replace(world, obstacles=tuple(things)), robots
 
     def move(self, now: int, tick: int, seconds: float, held: Collection[int]) -> None:

@@ -29,8 +29,6 @@ class Reading(NamedTuple):
 
 
 class _Mount(NamedTuple):
-    """A ranger and the robot that carries it."""
-
     robot: int
     """Index of the robot in the engine's order."""
     place: int
@@ -52,8 +50,8 @@ class _Batch:
         self.mounts = mounts
         ranger = mounts[0].ranger
         # A single ray looks straight ahead; several fill the field of view, its ends included.
-        angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
-        self.angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
+        angle_min, step = -ranger.fov / 2 if ranger.samples > 1 else 0.0, ranger.angle_increment
+        self.angles: Floats = angle_min + step * np.arange(ranger.samples, dtype=np.float64)
         variance, self._uniform, angular = np.array([m.ranger.noise for m in mounts], float).T[:, :, None]
         self._sigma = np.sqrt(variance + options.gaussian_noise**2)
         """(scans, 1), as all noise: metres."""
@@ -66,9 +64,7 @@ class _Batch:
         jitter = float(self._angular.max())
         # Beams that jitter are others in each scan.
         directions = np.tile(self.angles, (len(mounts) if jitter else 1, 1))
-        beams = BeamTable(
-            np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
-        )
+        beams = BeamTable(np.cos(directions), np.sin(directions), angle_min, step, ranger.range_max, jitter)
         self._range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
         self.fans = Fans(mount_devices([(m.robot, m.ranger) for m in mounts]), beams)
 
@@ -139,12 +135,8 @@ class Lasers:
         return found
 
     def _dazzle(self, readings: Readings, tick: int) -> None:
-        lasers = [
-            _Laser(mount, Pose2(*batch.fans.at[:, row].tolist()), batch.angles)
-            for batch in self._batches
-            for row, mount in enumerate(batch.mounts)
-            if mount.ranger.is_laser
-        ]
+        mounts = [(batch, row, mount) for batch in self._batches for row, mount in enumerate(batch.mounts)]
+        lasers = [_Laser(m, Pose2(*b.fans.at[:, row].tolist()), b.angles) for b, row, m in mounts if m.ranger.is_laser]
         options = self._options
         for (mount, _, angles), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
             ranges, ranger = readings[mount.robot][mount.place].ranges, mount.ranger
@@ -174,11 +166,7 @@ def _find_dazzled(
     lasers: Sequence[_Laser], caster: Caster, options: Options, tick: int
 ) -> Iterator[tuple[_Laser, float, int]]:
     """(disturbed laser, bearing of the other in its frame, a random number) for all that meet in this tick."""
-    pairs = [
-        (a, b)
-        for a, b in itertools.combinations(lasers, 2)
-        if a.mount.robot != b.mount.robot and _may_meet(a, b, options.dazzle_angle)
-    ]
+    pairs = [(a, b) for a, b in itertools.combinations(lasers, 2) if _may_meet(a, b, options.dazzle_angle)]
     if not pairs:
         return
     for (a, b), clear in zip(pairs, _are_in_sight(pairs, caster), strict=True):
@@ -193,6 +181,8 @@ def _bearing(a: _Laser, b: _Laser) -> float:
 
 
 def _may_meet(a: _Laser, b: _Laser, angle: float) -> bool:
+    if a.mount.robot == b.mount.robot:
+        return False
     one, other = a.mount.ranger, b.mount.ranger
     distance = math.dist(a.pose[:2], b.pose[:2])
     near = 0.0 < distance < min(one.range_max, other.range_max) and abs(one.z - other.z) <= _SAME_HEIGHT

@@ -1,6 +1,7 @@
 """Observations as ROS messages, and the robots' transforms. `BUILDERS` has a row for each kind of sensor."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -10,8 +11,6 @@ from zteam.messages.planar import pose_message
 from zteam.simulator.core.engine import Observation
 from zteam.simulator.world.devices import KINDS, DeviceKind
 from zteam.simulator.world.model import Robot
-
-_INFRARED = 1
 
 
 def _place(robot: Robot, lasers: bool, index: int) -> int:
@@ -39,9 +38,10 @@ def range_message(observation: Observation, robot_id: int, index: int) -> messag
     robot = observation.robots[robot_id]
     place = _place(robot.robot, False, index)
     ranger = robot.robot.rangers[place]
+    # Its radiation type is 1: infrared.
     return messages.Range(
-        header(observation, KINDS[names.SONAR], robot_id, index), _INFRARED, ranger.fov, ranger.range_min,
-        ranger.range_max, float(robot.readings[place].ranges[0]),
+        header(observation, KINDS[names.SONAR], robot_id, index), 1, ranger.fov, ranger.range_min, ranger.range_max,
+        float(robot.readings[place].ranges[0]),
     )  # fmt: skip
 
 
@@ -69,16 +69,10 @@ def joint_message(observation: Observation, robot_id: int, index: int = 0) -> me
     )  # fmt: skip
 
 
-def fiducials_message(observation: Observation, robot_id: int, index: int) -> messages.Fiducials:
-    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
-    seen = observation.robots[robot_id].fiducials[index]
-    return messages.Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), list(seen))
-
-
-def blobs_message(observation: Observation, robot_id: int, index: int) -> messages.Blobs:
-    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
-    seen = observation.robots[robot_id].blobs[index]
-    return messages.Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), list(seen))
+def detections_message(topic: str, observation: Observation, robot_id: int, index: int) -> messages.Message:
+    """What the robot's `index`-th finder of fiducials or blobs sees, in its own frame; an unknown colour is black."""
+    kind, seen = KINDS[topic], observation.robots[robot_id].detections[topic][index]
+    return kind.message(header(observation, kind, robot_id, index), list(seen))
 
 
 def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> messages.Bumper:
@@ -100,9 +94,9 @@ BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
     names.STALL: lambda seen, i, _: messages.Bool(seen.robots[i].stall),
     names.JOINT_STATES: joint_message,
     names.SONAR: range_message,
-    names.FIDUCIALS: fiducials_message,
+    names.FIDUCIALS: partial(detections_message, names.FIDUCIALS),
     names.BUMPER: bumper_message,
-    names.BLOBS: blobs_message,
+    names.BLOBS: partial(detections_message, names.BLOBS),
 }
 """What builds the message of a robot (by id) of a number, of one tick: by the topic of what is measured."""
 
@@ -115,13 +109,9 @@ def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:
 
 def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> messages.TFMessage:
     """map -> odom (the start pose), base_footprint -> base_link -> every device."""
-    odom, footprint, base = (
-        names.robot_frame(robot_id, own) for own in (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK)
-    )
-    found = [
-        _transform(0, names.MAP_FRAME, odom, odom_origin, 0.0),
-        _transform(0, footprint, base, Pose2(0.0, 0.0, 0.0), 0.0),
-    ]
+    own_frames, same = (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK), Pose2(0.0, 0.0, 0.0)
+    odom, footprint, base = (names.robot_frame(robot_id, own) for own in own_frames)
+    found = [_transform(0, names.MAP_FRAME, odom, odom_origin, 0.0), _transform(0, footprint, base, same, 0.0)]
     for kind in KINDS.values():
         for index, device in enumerate(kind.of(robot) if kind.link else ()):
             pose = Pose2(device.x, device.y, device.yaw)

@@ -152,12 +152,9 @@ def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
         return client.ShapesReply(robots, sorted({*world.templates, "erratic"}))
 
     def obstacles(_: NoRequest) -> client.ObstaclesReply:
-        return client.ObstaclesReply(
-            [
-                client.ObstacleShape(thing.name, *thing.pose, _outline(thing.shapes), thing.mass is not None)
-                for thing in engine.obstacles()
-            ]
-        )
+        now = engine.obstacles()
+        found = [client.ObstacleShape(o.name, *o.pose, _outline(o.shapes), o.mass is not None) for o in now]
+        return client.ObstaclesReply(found)
 
     bus.serve(names.service_key(names.SIMULATOR, "shapes"), NoRequest, shapes)
     bus.serve(names.service_key(names.SIMULATOR, "obstacles"), NoRequest, obstacles)

@@ -32,13 +32,10 @@ class RobotOutputs:
         command_key = names.robot_key(robot_id, names.CMD_VEL)
         # In real time the robot itself publishes its command.
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
-        sensed = {
-            topic: [
-                (publisher(kind.key(robot_id, i), kind.message), to_messages.BUILDERS[topic], i)
-                for i in range(kind.count(robot))
-            ]
-            for topic, kind in KINDS.items()
-        }
+        sensed: dict[str, list[Output]] = {}
+        for topic, kind in KINDS.items():
+            publishers = [publisher(kind.key(robot_id, i), kind.message) for i in range(kind.count(robot))]
+            sensed[topic] = [(each, to_messages.BUILDERS[topic], i) for i, each in enumerate(publishers)]
         # Robots compute their next command from these: they are published first.
         self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
         self._rest = [output for outputs in sensed.values() for output in outputs]

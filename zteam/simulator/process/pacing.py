@@ -146,7 +146,6 @@ class TickBoundary:
         return self._is_idle and self._remaining() is None
 
     def finish(self) -> None:
-        """The time of `--for` is over: the world stands still."""
         self.finished = True
         self._pacer.steps = 0
         self._node.wake()

@@ -178,14 +178,9 @@ class Simulation:
         observation, outputs = self._observation, self.outputs
         if observation is None:
             return client.ScansReply([])
-        return client.ScansReply(
-            [
-                client.SensedScan(names.scan_key(robot_id, number), encode(build(observation, robot_id, number)))
-                for robot_id in robot_ids
-                if robot_id in outputs and robot_id in observation.robots
-                for _, build, number in outputs[robot_id].scans
-            ]
-        )
+        there = [i for i in robot_ids if i in outputs and i in observation.robots]
+        scans = [(names.scan_key(i, n), build(observation, i, n)) for i in there for _, build, n in outputs[i].scans]
+        return client.ScansReply([client.SensedScan(key, encode(scan)) for key, scan in scans])
 
     def repeat(self, participants: Sequence[str] = ()) -> None:
         """Send the last tick's data again, for processes that have not received it. Of `participants` (lock-step) that

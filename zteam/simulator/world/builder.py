@@ -81,9 +81,7 @@ def read_mass(reader: Reader) -> float:
     if mass > MAX_MASS:
         reader.fail("mass", f"mass must be at most {MAX_MASS:g} kg, not {mass:g}")
     if mass <= 0:
-        reader.remark(
-            "mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage does not use it"
-        )
+        reader.remark("mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage ignores it")
         return DEFAULT_MASS
     return mass
 
@@ -242,8 +240,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     `Robot.localization` is kept as the file has it (Stage's default is "gps"), but odometry starts at zero where the
     robot starts in either case: Stage's "gps" reports the pose in the world, which no real odometry can.
 
-    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with
-    `file:line:column`.
+    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with `file:line:column`.
     """
     path = Path(path)
     with name_foreign(path, "world file", *((MAP_FILE, YAML_FILE) if is_floor_map(path) else ())):

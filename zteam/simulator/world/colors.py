@@ -3,9 +3,6 @@
 import re
 import zlib
 
-_HEX = re.compile(r"#[0-9a-fA-F]{6}")
-_GREY = re.compile(r"gr[ae]y(100|[0-9]{1,2})")
-_SHADE = re.compile(r"(.*[a-z])([1-4])")
 # X11's numbered shades of a colour: "red1" is red itself, "red4" a dark one.
 _SHADES = {"1": 1.0, "2": 0.932, "3": 0.804, "4": 0.545}
 _ONLY_X11 = {"lightgoldenrod": "#eedd82", "lightslateblue": "#8470ff", "navyblue": "#000080", "violetred": "#d02090"}
@@ -18,13 +15,13 @@ def find_color(name: str) -> tuple[float, float, float] | None:
 
     plain = name.replace(" ", "").lower()
     plain = _ONLY_X11.get(plain, plain)
-    if _HEX.fullmatch(plain) or plain in ImageColor.colormap:
+    if re.fullmatch("#[0-9a-f]{6}", plain) or plain in ImageColor.colormap:
         r, g, b = ImageColor.getrgb(plain)[:3]
         return r / 255, g / 255, b / 255
-    if grey := _GREY.fullmatch(plain):
+    if grey := re.fullmatch("gr[ae]y(100|[0-9]{1,2})", plain):
         level = int(grey[1]) / 100
         return level, level, level
-    shade = _SHADE.fullmatch(plain)
+    shade = re.fullmatch("(.*[a-z])([1-4])", plain)
     base = find_color(shade[1]) if shade else None
     if shade is None or base is None:
         return None

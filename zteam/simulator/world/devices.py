@@ -126,9 +126,8 @@ def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
 def read_blobfinder(reader: Reader, name: str, seat: Pose3) -> list[Blobfinder]:
     """A `blobfinder` model; of its image only the width counts. Raises WorldError."""
     count = reader.whole("colors_count", 0, 0, 256)
-    listed = reader.texts("colors") or tuple(
-        reader.text(f"colors[{i}]", "") for i in range(count) if reader.has(f"colors[{i}]")
-    )
+    numbered = [name for name in (f"colors[{i}]" for i in range(count)) if reader.has(name)]
+    listed = reader.texts("colors") or tuple(reader.text(name, "") for name in numbered)
     width = reader.numbers("image", "nn", (80.0, 60.0))[0]
     if not (width == round(width) and 1 <= width <= MAX_PIXELS):
         reader.fail("image", f"the width of an image must be a whole number of 1 to {MAX_PIXELS}, not {width:g}")

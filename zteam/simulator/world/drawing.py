@@ -102,7 +102,10 @@ def _draw(canvas: Svg | Pixels, view: _View, world: World, fans: Mapping[int, Se
             canvas.dot(place, 1.2, color)
     for place, text in labels:
         canvas.text(place, text, _TEXT, _INK, centred=True)
-    length = _round_length(view.width / view.scale / 6)
+    # A scale bar of 1, 2 or 5 times a power of ten, a sixth of the width at most.
+    most = view.width / view.scale / 6
+    power = 10.0 ** math.floor(math.log10(most))
+    length = max(step * power for step in (1, 2, 5) if step * power <= most)
     bottom, end = view.height - 12, 12 + length * view.scale
     canvas.line([(12, bottom - 5), (12, bottom), (end, bottom), (end, bottom - 5)], _INK)
     canvas.text((14, bottom - 7), f"{length:g} m", _TEXT, _INK)
@@ -116,12 +119,6 @@ def _draw_plan(canvas: Svg | Pixels, view: _View, plan: Floorplan) -> None:
     ((x, y),) = view.pixels(place_points(plan.pose, np.array([(0.0, rows * v)])))
     cos, sin = math.cos(plan.pose.yaw) * view.scale, math.sin(plan.pose.yaw) * view.scale
     canvas.image(pixels, np.array([(u * cos, v * sin, x), (-u * sin, v * cos, y)]))
-
-
-def _round_length(most: float) -> float:
-    """1, 2 or 5 times a power of ten: for a scale bar of `most` metres at most."""
-    power = 10.0 ** math.floor(math.log10(most))
-    return max(step * power for step in (1, 2, 5) if step * power <= most)
 
 
 def _css(name: str) -> str:

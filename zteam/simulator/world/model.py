@@ -162,8 +162,6 @@ class Remark(msgspec.Struct, frozen=True):
 
 
 class World(msgspec.Struct, eq=False):
-    """A loaded world."""
-
     name: str
     interval: int
     """Nanoseconds of simulated time a tick (`interval_sim`)."""

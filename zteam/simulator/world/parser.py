@@ -54,8 +54,6 @@ class Entity(msgspec.Struct):
 
 
 class Macro(NamedTuple):
-    """A definition."""
-
     base: str
     """The type or macro that it is defined by."""
     place: TextPlace
@@ -74,8 +72,6 @@ def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None)
 
 
 class Document:
-    """A parsed world file."""
-
     def __init__(self, tokens: list[Token], file: str, remarks: Remarks) -> None:
         self.root = Entity("world", "world", TextPlace(file, 1, 1))
         """The file itself: world properties and top-level entities, of type `world`."""

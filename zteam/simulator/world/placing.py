@@ -93,10 +93,9 @@ def map_metadata(world: World, resolution: float, most: float = math.inf) -> Map
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-6)
     if columns * rows > most:
         enough = least_cell(columns * resolution, rows * resolution)
-        raise UsageError(
-            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
-            f"cell: say map_resolution = {enough:g} in [simulation] of the team file, or --map-resolution {enough:g}"
-        )
+        size = f"{high[0] - low[0]:g} x {high[1] - low[1]:g} m"
+        way_out = f"say map_resolution = {enough:g} in [simulation] of the team file, or --map-resolution {enough:g}"
+        raise UsageError(f"the map of a world of {size} is too large at {resolution:g} m a cell: {way_out}")
     origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
     return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
@@ -137,10 +136,8 @@ def _find_outside(world: World, pose: Pose2) -> str:
     starts = np.array([robot.pose[:2] for robot in world.robots], float).reshape(-1, 2)
     if ((starts < low) | (starts > high)).any() or bool(((low <= pose[:2]) & (pose[:2] <= high)).all()):
         return ""
-    return (
-        f"would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
-        f"to x {high[0]:g}, y {high[1]:g}"
-    )
+    ends = f"from x {low[0]:g}, y {low[1]:g} to x {high[0]:g}, y {high[1]:g}"
+    return f"would stand outside of the world, which reaches {ends}"
 
 
 def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:

@@ -264,8 +264,6 @@ HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s"
 
 
 def rows(report: ChaosReport) -> list[tuple[str, ...]]:
-    """The report as the cells of a table."""
-
     def cell(value: str | float | None) -> str:
         return "-" if value is None else value if isinstance(value, str) else f"{value:.2f}"
 

@@ -179,7 +179,6 @@ class Links:
         bus.serve(names.service_key(names.LAUNCHER, names.LINKS), LinkRequest, answer)
 
     def close(self) -> None:
-        """End the thread, all links and their connections."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._closed.set)
             self._thread.join()

@@ -245,8 +245,7 @@ def plan_text(faults: Sequence[Fault], comment: str = "") -> str:
 
 def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, lockstep: bool) -> tuple[Fault, ...]:
     """The plan that a user names: a file, or the seed of a random one of so many simulated seconds. Raises UsageError,
-    and ConfigError for a fault of a process that is not there. A random plan of lock-step has the faults that repeat to
-    the bit."""
+    and ConfigError for a fault of a process that is not there. In lock-step a random plan has faults that repeat."""
     if not text.isdigit():
         plan = read_plan(Path(text))
         for fault in plan:

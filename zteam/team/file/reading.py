@@ -103,9 +103,8 @@ def team_world(file: TeamFile) -> Path | None:
     """The world file that a team file asks for, None for real robots. Raises ConfigError."""
     world = file.team.team.world
     if world is None:
-        raise file.error(
-            [Problem(("team",), 'the key world is missing: say --world FILE, or world = "office" in [team]')]
-        )
+        text = 'the key world is missing: say --world FILE, or world = "office" in [team]'
+        raise file.error([Problem(("team",), text)])
     if world == NO_WORLD:
         return None
     try:
@@ -181,9 +180,8 @@ def _section(table: Table, name: str, kind: type[S], problems: list[Problem]) ->
 def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
     """The table with the parameters of the behaviour collected under `params`."""
     ours = set(RobotEntry.__struct_fields__) - {"params"}
-    return {key: value for key, value in robot.items() if key in ours} | {
-        "params": {key: value for key, value in robot.items() if key not in ours}
-    }
+    own = {key: value for key, value in robot.items() if key in ours}
+    return {**own, "params": {key: value for key, value in robot.items() if key not in ours}}
 
 
 def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:

@@ -46,8 +46,6 @@ _HINTS = {
 
 
 class Source(msgspec.Struct, frozen=True, eq=False):
-    """One file."""
-
     path: Path
     lines: Mapping[KeyPath, int] = {}
     number: int = 0
@@ -55,8 +53,6 @@ class Source(msgspec.Struct, frozen=True, eq=False):
 
 
 class KeyPlace(NamedTuple):
-    """A key in a file."""
-
     source: Source
     path: KeyPath = ()
 
@@ -74,8 +70,6 @@ class KeyPlace(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """What is wrong with a key of a file."""
-
     place: KeyPlace
     text: str
 

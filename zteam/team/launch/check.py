@@ -56,7 +56,9 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
         except (ConfigError, WorldError) as error:
             told.append(str(error))
         answers |= zip(own, wait(), strict=True)
-    problems += [*_behavior_problems(answers), *_file_problems(file), *_node_problems(file)]
+    problems += [Problem(("robots", i, "behavior"), each.refused) for i, each in answers.items() if each.refused]
+    problems += [Problem(("robots", i, *path), text) for i, each in answers.items() for path, text in each.mistakes]
+    problems += [*_file_problems(file), *_node_problems(file)]
     problems += _sensor_problems(file, name, robots, answers)
     mistakes = [*file.mistakes, *file.table.locate(problems)]
     if mistakes:
@@ -74,14 +76,6 @@ def _question(entry: RobotEntry) -> Question:
     elif entry.behavior is None:
         params = {key: value for key, value in params.items() if key != "leader"}
     return Question(spec, params, list(_ROBOT_KEYS))
-
-
-def _behavior_problems(answers: Mapping[int, Answer]) -> Iterator[Problem]:
-    for i, answered in answers.items():
-        if answered.refused:
-            yield Problem(("robots", i, "behavior"), answered.refused)
-        for path, text in answered.mistakes:
-            yield Problem(("robots", i, *path), text)
 
 
 def _refused(path: tuple[str | int, ...], read: Callable[[], object]) -> Iterator[Problem]:

@@ -67,8 +67,7 @@ def answer(question: Question) -> Answer:
 @contextmanager
 def asking(questions: Sequence[Question], folders: Sequence[str]) -> Iterator[Callable[[], list[Answer]]]:
     """Has a child process answer questions in the background, until the end of the context. The child imports from
-    `folders` besides the installed packages and the current folder. What this gives waits for the answers: one for each
-    question."""
+    `folders` besides the installed packages and the current folder. What this gives waits for one answer a question."""
     answers = list[Answer]()
 
     def on_answer(_job: Job, report: Report) -> None:

@@ -268,7 +268,6 @@ class Process:
                     log.exception("a report of %s could not be passed on", self.name)
 
     def _watch(self) -> None:
-        """Wait until the process ends, and call `on_exit`."""
         self._child.wait()
         end = monotonic() + _LAST_LINES
         for reader in self._readers:

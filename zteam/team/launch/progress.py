@@ -91,7 +91,6 @@ class Progress:
             self._observer.observe(names.STATUS, robot_id=robot_id)
 
     def restarted(self) -> dict[str, Restarted]:
-        """What was started again, by name."""
         return {name: Restarted(count, self.away.get(name)) for name, count in self._counts().items()}
 
     def _on_presence(self, name: str, alive: bool) -> None:

@@ -192,7 +192,6 @@ class WarmParent:
             self._find_server()
 
     def start(self, job: Job, link: int) -> Child:
-        """Start a child, as StartChild says."""
         if runs_zteam(job.command) and all(n.startswith(_OWN_VARIABLES) for n in job.environment):
             try:
                 return self._find_server().fork(job, link)

@@ -45,9 +45,8 @@ def lease_for(pace: Pace, given: float) -> float:
 def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
     """Say how tools find a router at `endpoint` if they do not look there; `connect` is what the user asked for."""
     if connect is None and endpoint != DEFAULT_ENDPOINT:
-        log.warning(
-            "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s", DEFAULT_ENDPOINT, endpoint
-        )
+        text = "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s"
+        log.warning(text, DEFAULT_ENDPOINT, endpoint)
 
 
 def node_environment(bus: BusOptions) -> dict[str, str]:
@@ -79,11 +78,9 @@ def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
     for name in (names.LAUNCHER, *needed):
         if name in found:
             info = found[name]
-            what = "a team" if name == names.LAUNCHER else name
-            raise BusError(
-                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
-                "stop it, or use --namespace"
-            )
+            what, since = "a team" if name == names.LAUNCHER else name, local_time_text(info.start)
+            text = f"{what} is already running here (pid {info.pid}, since {since})"
+            raise BusError(f"{text}; stop it, or use --namespace")
 
 
 class Processes:
@@ -112,9 +109,7 @@ class Processes:
         """The session by which tools reach this process: the same."""
         # A process that hangs ends with HUNG, and the watch of a test finds where.
         self.hung, self.hangs = set[str](), dict[str, str]()
-        self.endpoint = options.connect or (
-            options.endpoint if options.tls is not None and certificates is None else ""
-        )
+        self.endpoint = options.connect or (options.endpoint if options.tls and certificates is None else "")
         self.links, self.certificates = links, certificates
         # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
         self.lease = lease_for(Pace(lockstep=True), options.lease)

@@ -93,7 +93,7 @@ def check_writable(path: Path) -> None:
 
 
 def write_report(path: Path, text: bytes) -> None:
-    """Write the file of the report. Raises ZteamError."""
+    """Raises ZteamError."""
     try:
         path.write_bytes(text)
     except OSError as error:
@@ -101,7 +101,6 @@ def write_report(path: Path, text: bytes) -> None:
 
 
 def format_report(report: RunReport) -> str:
-    """A short table for a reader."""
     factor = report.real_time_factor
     pace = "" if factor is None else f", {format_factor(factor)} x real time"
     lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]

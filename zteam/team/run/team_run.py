@@ -141,8 +141,7 @@ class TeamRun:
             self.supervisor.wake()
 
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
-        """Start a robot's process as the team's own were started, or end it; its name. The team needs only what was
-        planned."""
+        """Start a robot's process as the team's own were, or end it; its name. The team needs only what was planned."""
         name = names.robot_name(request.robot)
         job = robot_job(self.launch, request.robot, request.behavior) if request.behavior else None
         with self._start_lock:

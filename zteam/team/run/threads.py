@@ -150,9 +150,7 @@ class CallWatch:
             # Only calls that were seen before last long enough to be shown.
             shown = unreturned_calls(dump_stacks() if looks.keys() & calls.keys() else "")
             # Looks are counted and not seconds: a frozen process does not look, and the time in a debugger is left out.
-            looks = {
-                call: looks.get(call, 0) + 1 for call, thread in calls.items() if call not in looks or thread in shown
-            }
+            looks = {c: looks.get(c, 0) + 1 for c, thread in calls.items() if c not in looks or thread in shown}
             for call, count in looks.items():
                 if count * _PERIOD > timeout and calls[call] in shown:
                     self._name(call[1], f"after {timeout:g} s {shown[calls[call]]}")

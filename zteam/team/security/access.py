@@ -15,12 +15,7 @@ from zteam.node import kinds
 from zteam.team.file.entries import GRANTS, NO_WORLD, Team, navigation_of
 
 OPERATOR = names.OPERATOR
-TITLES = {
-    "publishes": "publishes",
-    "answers": "answers queries",
-    "holds": "holds tokens",
-    "asks": "changes by queries",
-}
+TITLES = {"publishes": "publishes", "answers": "answers queries", "holds": "holds tokens", "asks": "changes by queries"}
 """The fields of Rights that hold keys, and what a table calls them."""
 
 
@@ -143,7 +138,6 @@ CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks i
 
 
 def rights_of(team: Team) -> dict[str, Rights]:
-    """The rights of each certificate of a team, by name."""
     simulated = team.team.world != NO_WORLD
     processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
     ids = [robot.id for robot in team.robots]
@@ -206,8 +200,7 @@ def access_control(
     rights: Mapping[str, Rights], common_names: Mapping[str, Sequence[str]], namespace: str = ""
 ) -> dict[str, Any]:
     """The section `access_control` of the router's configuration: what is not allowed here is dropped. `common_names`
-    are those that are valid now, by name; a name without one has no rights. All keys of the team are below
-    `namespace`."""
+    are those that are valid now, by name; a name without one has no rights. All keys are below `namespace`."""
     rules: list[dict[str, Any]] = []
 
     def rule(name: str, messages: Iterable[str], keys: Iterable[str], *flows: str, permission: str = "allow") -> None:

@@ -48,8 +48,6 @@ _LOOPBACK = ("localhost", "127.0.0.1")
 
 
 class Issued(msgspec.Struct):
-    """One certificate that was issued."""
-
     serial: int
     expires: datetime
     hosts: tuple[str, ...] = ()
@@ -204,11 +202,9 @@ class Authority:
     def is_complete(self, name: str) -> bool:
         """Whether the files hold the newest certificate of this name. Raises ZteamError if they cannot be read."""
         last = self.index.last(name)
-        return (
-            last is not None
-            and _has_files(self.folder, name)
-            and name_in(load_certificate(self.folder / f"{name}.pem")) == f"{name}.{last.serial}"
-        )
+        if last is None or not _has_files(self.folder, name):
+            return False
+        return name_in(load_certificate(self.folder / f"{name}.pem")) == f"{name}.{last.serial}"
 
     def _check_name(self, name: str) -> None:
         rights = self.index.rights
@@ -234,10 +230,8 @@ class Authority:
         own = load_certificate(self.folder / CA)
         if not isinstance(key, EllipticCurvePrivateKey) or key.public_key() != own.public_key():
             raise ZteamError(f"{path}: this is not the key of {CA}: restore it, or {_anew(self.folder)}")
-        if own.not_valid_after_utc <= now():
-            raise ZteamError(
-                f"{self.folder / CA} has expired on {own.not_valid_after_utc:%Y-%m-%d}: {_anew(self.folder)}"
-            )
+        if (end := own.not_valid_after_utc) <= now():
+            raise ZteamError(f"{self.folder / CA} has expired on {end:%Y-%m-%d}: {_anew(self.folder)}")
         return key, own
 
     def _write_pair(
@@ -253,17 +247,9 @@ class Authority:
         key, is_authority = ec.generate_private_key(ec.SECP256R1()), issuer is None
         public, name = key.public_key(), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
         signer = key if issuer is None else issuer[0]
-        usage = x509.KeyUsage(
-            digital_signature=not is_authority,
-            key_cert_sign=is_authority,
-            crl_sign=is_authority,
-            content_commitment=False,
-            key_encipherment=False,
-            data_encipherment=False,
-            key_agreement=False,
-            encipher_only=False,
-            decipher_only=False,
-        )
+        others = "content_commitment key_encipherment data_encipherment key_agreement encipher_only decipher_only"
+        usages = dict.fromkeys(others.split(), False) | dict.fromkeys(("key_cert_sign", "crl_sign"), is_authority)
+        usage = x509.KeyUsage(digital_signature=not is_authority, **usages)
         builder = (
             x509.CertificateBuilder()
             .subject_name(name)
@@ -289,12 +275,9 @@ class Authority:
 
     def save(self) -> None:
         """Save the index, and let routers know, last of all: they then read their own certificate and key too."""
-        index = self.index
+        index, known = self.index, self.index.certificates.items()
         self._write(INDEX, _json(index))
-        valid = {
-            name: [f"{name}.{each.serial}" for each in found if not each.revoked]
-            for name, found in index.certificates.items()
-        }
+        valid = {name: [f"{name}.{each.serial}" for each in found if not each.revoked] for name, found in known}
         content = _json({"access_control": access_control(index.rights, valid, index.namespace)})
         # A router opens all links again when the file changes.
         if not (self.folder / ACCESS).exists() or (self.folder / ACCESS).read_bytes() != content:
@@ -349,10 +332,9 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]
         if missing:
-            raise ZteamError(
-                f"{folder}: no certificate of {', '.join(missing)}, and no {CA_KEY} to make one: copy "
-                f"{missing[0]}.pem and {missing[0]}.key from where the authority is"
-            )
+            way_out = f"copy {missing[0]}.pem and {missing[0]}.key from where the authority is"
+            lack = f"no certificate of {', '.join(missing)}, and no {CA_KEY} to make one"
+            raise ZteamError(f"{folder}: {lack}: {way_out}")
     else:
         with open_authority(folder, make=True) as authority:
             if not authority.has_key:
@@ -360,10 +342,8 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
             authority.take_team(team, rights, namespace)
             revoked = [name for name in names if (last := authority.index.last(name)) and last.revoked]
             if revoked:
-                raise ZteamError(
-                    f"{folder}: the certificate of {revoked[0]} is revoked: make the next one with "
-                    f"'zteam certs issue {revoked[0]}{_option(folder)}'"
-                )
+                text = f"{folder}: the certificate of {revoked[0]} is revoked: make the next one with"
+                raise ZteamError(f"{text} 'zteam certs issue {revoked[0]}{_option(folder)}'")
             authority.issue([name for name in names if not authority.is_complete(name)])
     warnings = []
     for name in names:

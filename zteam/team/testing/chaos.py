@@ -2,6 +2,7 @@
 
 import threading
 from functools import partial
+from typing import Any
 
 from zteam import names
 from zteam.clock import monotonic, to_ns, to_seconds
@@ -25,25 +26,28 @@ class TeamChaos:
 
     def kill(self, name: str, *, within: float = 10.0) -> Outcome:
         """End a process at once (SIGKILL). If its team file starts it again, wait until it is back."""
-        return self._carry_out(Fault(at=0.0, fault="kill", name=name), within)
+        return self._carry_out(within, fault="kill", name=name)
 
     def pause(self, name: str, seconds: float = 3.0, *, within: float = 10.0) -> Outcome:
         """Freeze a process; in lock-step leave a robot out of the ticks."""
-        return self._carry_out(Fault(at=0.0, fault="pause", name=name, seconds=seconds), within)
+        return self._carry_out(within, fault="pause", name=name, seconds=seconds)
 
     def cut(self, name: str, seconds: float = 3.0, *, within: float = 10.0) -> Outcome:
         """Let nothing pass on the link of a process; in lock-step leave a robot out of the ticks."""
-        return self._carry_out(Fault(at=0.0, fault="cut", name=name, seconds=seconds), within)
+        return self._carry_out(within, fault="cut", name=name, seconds=seconds)
 
     def slow(
         self, name: str, seconds: float = 3.0, *, delay: float = 0.5, rate: float | None = None, within: float = 10.0
     ) -> Outcome:
         """Let each message on the link of a process take `delay` seconds longer, in each direction, and let `rate`
         bytes a second pass; in lock-step a robot's commands come later."""
-        fault = Fault(at=0.0, fault="slow", name=name, seconds=seconds, delay=delay, rate=rate)
-        return self._carry_out(fault, within)
+        return self._carry_out(within, fault="slow", name=name, seconds=seconds, delay=delay, rate=rate)
 
-    def _carry_out(self, fault: Fault, within: float) -> Outcome:
+    def _carry_out(self, within: float, **fields: Any) -> Outcome:
+        try:
+            fault = Fault(at=0.0, **fields)
+        except ValueError as error:
+            raise UsageError(f"team.chaos.{fields['fault']}: {error}") from None
         if not self._watch.is_go:
             raise UsageError(f"team.chaos.{fault.fault}: call team.wait_for_go first: before GO no robot drives")
         if self._tick and is_simulated(fault):

@@ -54,7 +54,6 @@ def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
 
 
 def _teams(item: pytest.Item) -> "list[TeamFixture]":
-    """The teams that a test uses."""
     teams, used = item.session.stash.get(_TEAMS, {}), getattr(item, "fixturenames", ())
     return [fixture for name, fixture in teams.items() if name in used]
 

@@ -1,5 +1,4 @@
-"""What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes. Each raises
-UsageError."""
+"""What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes; or UsageError."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,10 +41,8 @@ def robot_tables(
     for name, i in [*(("follow", i) for i in follow), *(("params", i) for i in params)]:
         if i not in ids:
             raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
-    return [
-        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
-        for i in ids
-    ]
+    how = {i: ("follow", follow[i]) if i in follow else ("behavior", behavior) for i in ids}
+    return [{"id": i, how[i][0]: how[i][1], **params.get(i, {})} for i in ids]
 
 
 def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:

@@ -157,15 +157,11 @@ class TeamFixture:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment that makes any zteam command join this team; a secure team takes it for people's tools. With it a
-        Python program finds modules where the test does, behind its own, and a node ends some seconds after the
-        team."""
+        """Environment that makes any zteam command join this team; a secure team takes it for people's tools. A Python
+        program then finds modules where the test does, behind its own, and a node ends some seconds after the team."""
         paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
-        return {
-            **self._opened_processes("environment").environment(OPERATOR),
-            "PYTHONPATH": os.pathsep.join(paths),
-            "ZTEAM_GIVE_UP": str(_ROUTERLESS),
-        }
+        own = {"PYTHONPATH": os.pathsep.join(paths), "ZTEAM_GIVE_UP": str(_ROUTERLESS)}
+        return {**self._opened_processes("environment").environment(OPERATOR), **own}
 
     @property
     def _folders(self) -> list[str]:
@@ -287,12 +283,11 @@ class TeamFixture:
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
-        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the
-        robot named there, the others run `behavior`, a name or a class of a module; `params` gives behaviour
-        parameters by robot. With `lockstep` the world stands still until `run`, `until` or `at` let it go on,
-        as fast as the processes can; own nodes in `expect` take part from the first tick on; a living process
-        that does not answer is left behind after `lockstep_timeout` host seconds. Without `lockstep` the team
-        runs in real time.
+        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the robot named
+        there, the others run `behavior`, a name or a class of a module; `params` gives behaviour parameters by robot.
+        With `lockstep` the world stands still until `run`, `until` or `at` let it go on, as fast as the processes can;
+        own nodes in `expect` take part from the first tick on; a living process that does not answer is left behind
+        after `lockstep_timeout` host seconds. Without `lockstep` the team runs in real time.
 
         With `chaos` each process has a link of its own to the router, which `team.chaos` can cut or make slow.
         `nodes` are own nodes by name, which take part from the first tick on: each is a function of the node as for

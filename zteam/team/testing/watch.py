@@ -134,7 +134,6 @@ class Watch:
         return {name for name, job in self.team_run.plan.jobs.items() if job.restarts}
 
     def observe(self) -> None:
-        """Watch the team on a session that was opened."""
         self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
@@ -197,7 +196,6 @@ class Watch:
         self.on_line(name, f"{told}{text}")
 
     def lines(self, name: str) -> list[str]:
-        """What a process has written so far."""
         return [line for process, line in self.log.copy() if process == name]
 
     def member(self, name: str) -> Member:
@@ -208,7 +206,6 @@ class Watch:
         return members[name]
 
     def robot(self, robot_id: int) -> RobotView:
-        """As `Team.robot`."""
         if robot_id not in self.view.robots and self.seen.alive(names.SIMULATOR):
             there = self.sim.status().robots
             if robot_id not in there and not self.view.alive(names.robot_name(robot_id)):
@@ -246,8 +243,6 @@ class Watch:
             raise TeamTimeout(f"not true within {START_LIMIT:g} s")
 
     def wait_for_processes(self, *processes: str) -> None:
-        """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
-
         def ended() -> list[str]:
             known = self.team_run.supervisor.members
             return [n for n in processes if n in known and not known[n].running]
@@ -331,7 +326,6 @@ class Watch:
         self.check()
 
     def check_at_end(self) -> None:
-        """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
         self.check()
         if self.team_run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):

@@ -8,6 +8,7 @@ import pytest
 
 from zteam import run_team
 from zteam.errors import UsageError
+from zteam.team.testing.chaos import TeamChaos
 from zteam.testing import Team
 
 
@@ -109,6 +110,22 @@ MISTAKES: list[tuple[Callable[[Any], object], str]] = [
         )
     ),
 ]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda chaos: chaos.pause("robot_1", 0.0), "team.chaos.pause: seconds: a number of at least 0.001"),
+        (lambda chaos: chaos.cut("robot_1", "1"), "team.chaos.cut: seconds is '1': give seconds"),
+        (lambda chaos: chaos.slow("robot_1", delay=-1.0), "team.chaos.slow: delay: a number of at least 0"),
+        (lambda chaos: chaos.slow("robot_1", rate=0.5), "team.chaos.slow: rate: a number of at least 1"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_told_in_one_line(call: Callable[[TeamChaos], object], words: str) -> None:
+    """Under the names of the call's arguments, before anything of the team is looked at."""
+    with pytest.raises(UsageError) as told:
+        call(TeamChaos.__new__(TeamChaos))
+    assert str(told.value).startswith(words)
 
 
 @pytest.mark.parametrize(("call", "words"), MISTAKES, ids=[words[:40] for _, words in MISTAKES])
