@@ -232,7 +232,7 @@ PARKED, LEFT = 0.04, 0.12
 SIDE, NARROW = 0.8, 0.8
 """Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
 PASSED = 1.0
-"""Metres that a robot has to be further from the leader than the one behind it that has come past."""
+"""Metres along their file that a robot has to be behind the one behind it, which has come past."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -495,10 +495,10 @@ class Formation(LineMember):
         ahead[view.robot_id] = self.leader
         chain = chain_from(view.robot_id, ahead)
         is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
-        file = {robot: metres for robot, metres in self._ways.distances(self._leads).items() if robot in members}
-        # Where the line gets on, and in a ring, a robot may come nearer to the head than the one before it.
+        file = {robot: metres for robot, metres in self._ways.row(self._leads).items() if robot in members}
+        # Only where the line does not get on: in a ring the head comes to the last one.
         is_mixed = self._line.turns != self._turns and any(
-            file.get(ahead.get(robot, -1), 0.0) > metres + PASSED for robot, metres in file.items()
+            file.get(ahead.get(robot, -1), math.inf) < metres - PASSED for robot, metres in file.items()
         )
         self._turns = self._line.turns
         is_broken = is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads)

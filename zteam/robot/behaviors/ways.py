@@ -47,9 +47,18 @@ class Ways:
         """Whether walls are on both sides there, or beside it, as was noted."""
         return any(self._cells.get(cell) for cell in _beside(_cell_at(place)))
 
-    def distances(self, first: int) -> dict[int, float]:
-        """Metres from this robot to each of the others over the ways, the nearest first; infinite without one."""
-        here, metres = self._last[first], 0.0
+    def row(self, first: int) -> dict[int, float]:
+        """The other robots, and how many metres each one is from the end of their row over the ways.
+
+        At the end, and the last one, is the robot that is furthest from `first`, which may be anywhere.
+        """
+        *_, end = self._distances(first)
+        from_end = self._distances(end)
+        return {robot: from_end[robot] for robot in reversed(from_end) if robot != first}
+
+    def _distances(self, origin: int) -> dict[int, float]:
+        """Metres from this robot to each one over the ways, itself first; infinite where none leads there."""
+        here, metres = self._last[origin], 0.0
         front = [_cell_at(here)]
         found = dict.fromkeys(front, metres)
         while front:
@@ -57,7 +66,7 @@ class Ways:
             around = dict.fromkeys(cell for at in front for cell in _beside(at))
             front = [cell for cell in around if cell in self._cells and cell not in found]
             found.update(dict.fromkeys(front, metres))
-        far = {robot: found.get(_cell_at(at), math.inf) for robot, at in self._last.items() if robot != first}
+        far = {robot: found.get(_cell_at(at), math.inf) for robot, at in self._last.items()}
         return dict(sorted(far.items(), key=lambda each: (each[1], math.dist(self._last[each[0]], here), each[0])))
 
     def _join(self, a: Point2, b: Point2) -> None:
