@@ -12,20 +12,19 @@ from functools import lru_cache
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
-import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2, normalize_angle
-from zteam.messages import LaserScan, Twist, Vector3
+from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
 from zteam.robot.behaviors.line import Line, see_robot
 from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
+from zteam.robot.behaviors.row import PERIOD, share_for_room
 from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
-from zteam.robot.behaviors.ways import Ways
-from zteam.robot.view import NO_POSE, View, beams_of, is_clear, own_pose
+from zteam.robot.view import NO_POSE, View, is_clear, own_pose
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
 _RISE = math.sqrt(0.5)
@@ -97,12 +96,6 @@ _SLOTS: dict[Shape, Callable[[int, float], list[Slot]]] = {
 }
 
 
-BESIDE_MARGIN = 0.1
-"""Metres that have to be free beside the outermost robot."""
-BEHIND, AHEAD = 0.5, 1.5
-"""Metres along the trail, from the leader and from the own slot, within which walls count."""
-BODY = 0.45
-"""Metres around another robot within which a hit is that robot."""
 BEND = 0.9
 """The outermost slot lies within this share of the radius of a bend."""
 CLOSING, OPENING = 0.5, 0.13
@@ -118,37 +111,6 @@ def share_for_bend(curvature: float, left: float, right: float) -> float:
     """The share that a bend (1/m, left positive) needs for slots that reach so far (m) to the left and to the right."""
     width = abs(curvature) * (left if curvature > 0.0 else right)
     return max(0.0, 1.0 - BEND / width) if width > BEND else 0.0
-
-
-def share_for_room(
-    scan: LaserScan,
-    places: Sequence[Pose2],
-    others: Sequence[tuple[float, float]],
-    left: float,
-    right: float,
-    half_width: float,
-    ahead: float = AHEAD,
-) -> float:
-    """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
-    beside = half_width + BESIDE_MARGIN
-    # What is further to the side needs nothing.
-    side = max(left, right) + beside
-    bound = math.hypot(side, ahead) + max(math.hypot(place.x, place.y) for place in places)
-    beams = beams_of(scan)
-    if beams is None or beams.nearest >= bound:
-        return 0.0
-    hits = beams.find_hits(bound)
-    for x, y in others:
-        hits = hits[:, np.hypot(hits[0] - x, hits[1] - y) > BODY]
-    needed = 0.0
-    for x, y, yaw in places:
-        dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
-        along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
-        for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
-            if reach > 0.0 and offs.size:
-                needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
-    return min(needed, 1.0)
 
 
 def assign(costs: Sequence[Sequence[float]]) -> list[int]:
@@ -188,8 +150,6 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     return columns
 
 
-_PERIOD = 500_000_000
-"""Nanoseconds between two looks for a better assignment: at the same times in all robots."""
 _BETTER = 0.7
 """A new assignment costs at most this share of the present one: so slots do not flip where two cost nearly the same."""
 
@@ -229,10 +189,6 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
-SIDE, NARROW = 0.8, 0.8
-"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
-PASSED = 1.0
-"""Metres along their file that a robot has to be behind the one behind it, which has come past."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
 NEAR = 0.5
@@ -323,9 +279,6 @@ class Formation(LineMember):
         self._boxed_in, self._escape = BoxedIn(), Escape()
         self._before = 0
         """How many robots were before it in the file."""
-        self._ways = Ways()
-        self._turns = 0
-        """How often its file had turned at the last look."""
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -438,7 +391,7 @@ class Formation(LineMember):
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
-        params, period = self.params, view.now // _PERIOD
+        params, period = self.params, view.now // PERIOD
         slots = slots_of(params.shape, len(members), params.spacing)
         is_due = self._slots.keys() != members.keys() or period != self._assigned
         if is_due:
@@ -483,43 +436,17 @@ class Formation(LineMember):
     def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> None:
         """Be in a file from where walls are on both sides on, until no robot is where they are."""
         places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
-        seen = {mate.robot_id: here.compose(mate.pose)[:2] for mate in view.teammates}
-        self._ways.note({**seen, self._leads: self._driven.leader[:2], view.robot_id: here[:2]})
-        if self._is_between_walls(view):
-            self._ways.note_walls(here[:2])
+        self._row.look(view, here)
         around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
-        ahead = {robot: status.leader for robot, status in (view.inputs.get("statuses") or {}).items() if status.gap}
-        if not any(map(self._ways.is_between_walls, around)):
+        if not any(map(self._row.is_between_walls, around)):
             self._leave_file()
             return
-        ahead[view.robot_id] = self.leader
-        chain = chain_from(view.robot_id, ahead)
-        is_tree = any(ahead.get(robot) == self.leader for robot in members if robot != view.robot_id)
-        file = {robot: metres for robot, metres in self._ways.row(self._leads).items() if robot in members}
-        # Only where the line does not get on: in a ring the head comes to the last one.
-        is_mixed = self._line.turns != self._turns and any(
-            file.get(ahead.get(robot, -1), math.inf) < metres - PASSED for robot, metres in file.items()
-        )
-        self._turns = self._line.turns
-        is_broken = is_tree or chain[-1] in chain[:-1] or self.leader not in (*members, self._leads)
-        if not self.gap or is_broken or is_mixed:
-            order = [self._leads, *file]
-            self.leader = order[order.index(view.robot_id) - 1]
-            self._line = self._line if self.gap else Line()
-            self.gap = self.params.spacing
+        is_new = not self.gap
+        self._line, self.gap = Line() if is_new else self._line, self.params.spacing
+        self.leader = self._row.find_ahead(view, self._leads, members, self.leader, self._line.turns, is_new=is_new)
 
     def _leave_file(self) -> None:
         self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
-
-    def _is_between_walls(self, view: View) -> bool:
-        """Whether walls are near on both sides."""
-        here, mates = [Pose2(0.0, 0.0, 0.0)], [(mate.pose.x, mate.pose.y) for mate in view.teammates]
-        shares = [
-            share_for_room(view.scan, here, mates, SIDE - right, right, view.base.half_width, BEHIND)
-            for right in (0.0, SIDE)
-            if view.scan is not None
-        ]
-        return sum(shares) > NARROW and min(shares) > 0.0
 
     def _place(self, slot: Slot) -> Pose2:
         return self._driven.at(self._driven.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))

@@ -19,10 +19,10 @@ from zteam.robot.behaviors.formation import (
     approach,
     reassign,
     share_for_bend,
-    share_for_room,
     slots_of,
     squeeze,
 )
+from zteam.robot.behaviors.row import share_for_room
 from zteam.testing import make_view
 
 LEADER = Slot(0.0, 0.0)

@@ -1,0 +1,177 @@
+"""The row in which robots stand where walls are between them: by the ways that they have driven."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from zteam.config.robot_ids import chain_from
+from zteam.geometry import Point2, Pose2
+from zteam.messages import LaserScan
+from zteam.robot.view import View, beams_of
+
+BESIDE_MARGIN = 0.1
+"""Metres that have to be free beside the outermost robot."""
+BEHIND, AHEAD = 0.5, 1.5
+"""Metres along the trail, from the leader and from the own slot, within which walls count."""
+BODY = 0.45
+"""Metres around another robot within which a hit is that robot."""
+
+
+def share_for_room(
+    scan: LaserScan,
+    places: Sequence[Pose2],
+    others: Sequence[tuple[float, float]],
+    left: float,
+    right: float,
+    half_width: float,
+    ahead: float = AHEAD,
+) -> float:
+    """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
+    beside = half_width + BESIDE_MARGIN
+    # What is further to the side needs nothing.
+    side = max(left, right) + beside
+    bound = math.hypot(side, ahead) + max(math.hypot(place.x, place.y) for place in places)
+    beams = beams_of(scan)
+    if beams is None or beams.nearest >= bound:
+        return 0.0
+    hits = beams.find_hits(bound)
+    for x, y in others:
+        hits = hits[:, np.hypot(hits[0] - x, hits[1] - y) > BODY]
+    needed = 0.0
+    for x, y, yaw in places:
+        dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
+        for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
+            if reach > 0.0 and offs.size:
+                needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
+    return min(needed, 1.0)
+
+
+SIDE, NARROW = 0.8, 0.8
+"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+PASSED = 1.0
+"""Metres along their file that a robot has to be behind the one behind it, which has come past."""
+CELL = 0.2
+"""Metres: side of a cell. The ways on both sides of a wall are not in cells beside each other: bases are wider."""
+JUMP = 1.0
+"""Metres between two looks after which a robot was set down elsewhere."""
+MOST_CELLS = 2000
+"""The newest ones are kept."""
+
+PERIOD = 500_000_000
+"""Nanoseconds between two looks: at the same times in all robots."""
+
+Cell = tuple[int, int]
+
+
+class Row:
+    """The ways of robots, and the order in which they stand on them."""
+
+    def __init__(self) -> None:
+        self._turns = 0
+        """How often the line had turned at the last look."""
+        self._cells: dict[Cell, bool] = {}
+        """Whether walls are on both sides there; the oldest first."""
+        self._last: dict[int, Point2] = {}
+
+    def note(self, places: Mapping[int, Point2]) -> None:
+        """The robots are at these places (m, map) now.
+
+        One that was set down there has the nearest of the others beside it, as in a team that is set down in a row.
+        """
+        came = {
+            robot: at for robot, at in self._last.items() if robot in places and math.dist(at, places[robot]) < JUMP
+        }
+        for robot, before in came.items():
+            self._join(before, places[robot])
+        joined, rest = [places[robot] for robot in came], [at for robot, at in places.items() if robot not in came]
+        while rest:
+            at, other = min(((a, b) for a in rest for b in joined or rest[:1]), key=lambda pair: math.dist(*pair))
+            self._join(other, at)
+            rest.remove(at)
+            joined.append(at)
+        self._last = dict(places)
+
+    def look(self, view: View, here: Pose2) -> None:
+        """Note where the robots are, and whether walls are on both sides of this one, which is `here` (map)."""
+        self.note({mate.robot_id: here.compose(mate.pose)[:2] for mate in view.teammates} | {view.robot_id: here[:2]})
+        mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        shares = [
+            share_for_room(view.scan, [Pose2(0.0, 0.0, 0.0)], mates, SIDE - right, right, view.base.half_width, BEHIND)
+            for right in (0.0, SIDE)
+            if view.scan is not None
+        ]
+        if sum(shares) > NARROW and min(shares) > 0.0:
+            self.note_walls(here[:2])
+
+    def note_walls(self, place: Point2) -> None:
+        """Walls are on both sides of this place."""
+        self._cells[_cell_at(place)] = True
+
+    def is_between_walls(self, place: Point2) -> bool:
+        """Whether walls are on both sides there, or beside it, as was noted."""
+        return any(self._cells.get(cell) for cell in _beside(_cell_at(place)))
+
+    def find_ahead(
+        self, view: View, head: int, members: Collection[int], ahead: int, turns: int, *, is_new: bool = False
+    ) -> int:
+        """The robot to follow in the row of these members down from the `head`: mostly the one `ahead` as until now.
+
+        Another one if this robot `is_new` in the row, if the members do not tell a row, or if one of them has come past
+        the one before it and the line has turned. In a ring, the head may come to the last one.
+        """
+        statuses = view.inputs.get("statuses") or {}
+        told = {robot: status.leader for robot, status in statuses.items() if status.gap} | {view.robot_id: ahead}
+        chain = chain_from(view.robot_id, told)
+        is_tree = any(told.get(robot) == ahead for robot in members if robot != view.robot_id)
+        is_broken = is_new or is_tree or chain[-1] in chain[:-1] or ahead not in (*members, head)
+        has_turned, self._turns = turns != self._turns, turns
+        if head not in self._last or not (is_broken or has_turned):
+            return ahead
+        row = {robot: metres for robot, metres in self.find(head).items() if robot in members}
+        is_mixed = any(row.get(told.get(robot, -1), math.inf) < metres - PASSED for robot, metres in row.items())
+        order = [head, *row]
+        return order[order.index(view.robot_id) - 1] if is_broken or is_mixed else ahead
+
+    def find(self, first: int) -> dict[int, float]:
+        """The other robots, and how many metres each one is from the end of their row over the ways.
+
+        At the end, and the last one, is the robot that is furthest from `first`, which may be anywhere.
+        """
+        *_, end = self._distances(first)
+        from_end = self._distances(end)
+        return {robot: from_end[robot] for robot in reversed(from_end) if robot != first}
+
+    def _distances(self, origin: int) -> dict[int, float]:
+        """Metres from this robot to each one over the ways, itself first; infinite where none leads there."""
+        here, metres = self._last[origin], 0.0
+        front = [_cell_at(here)]
+        found = dict.fromkeys(front, metres)
+        while front:
+            metres += CELL
+            around = dict.fromkeys(cell for at in front for cell in _beside(at))
+            front = [cell for cell in around if cell in self._cells and cell not in found]
+            found.update(dict.fromkeys(front, metres))
+        far = {robot: found.get(_cell_at(at), math.inf) for robot, at in self._last.items()}
+        return dict(sorted(far.items(), key=lambda each: (each[1], math.dist(self._last[each[0]], here), each[0])))
+
+    def _join(self, a: Point2, b: Point2) -> None:
+        """A straight way from one place to another."""
+        parts = max(1, math.ceil(2.0 * math.dist(a, b) / CELL))
+        for part in range(parts + 1):
+            share = part / parts
+            cell = _cell_at((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+            self._cells[cell] = self._cells.pop(cell, False)
+        while len(self._cells) > MOST_CELLS:
+            del self._cells[next(iter(self._cells))]
+
+
+def _cell_at(place: Point2) -> Cell:
+    return math.floor(place[0] / CELL), math.floor(place[1] / CELL)
+
+
+def _beside(cell: Cell) -> list[Cell]:
+    """The cell and the eight around it."""
+    return [(cell[0] + dx, cell[1] + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
