@@ -102,8 +102,6 @@ TURN_GAIN = 2.0
 """1/s."""
 GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
-IMPATIENCE, MOST_ENDS = 0.5, 3
-"""So much longer each time its line has turned lately, up to so many: it cannot get on while all turn round again."""
 BEEN, TWICE, LEFT = 0.6, 2, 5
 """It hands over where it has left a place within so many metres so often; that many more places are remembered."""
 BEFORE_END = 0.8
@@ -152,7 +150,7 @@ class Head:
             for (at, since), metres in zip(self._anchors, PROGRESS, strict=True)
         ]
         waits = [(view.now - since) / most for (_, since), most in zip(self._anchors, GIVES_UP, strict=True)]
-        if waits[0] > (2 if is_patient else 1) + IMPATIENCE * min(len(ends), MOST_ENDS) or waits[1] > 1:
+        if waits[0] > (2 if is_patient else 1) or waits[1] > 1:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
