@@ -51,7 +51,7 @@ def share_for_room(
 
 SIDE, NARROW = 0.8, 0.8
 """Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
-PASSED = 1.0
+PASSED = 0.5
 """Metres along their file that a robot has to be behind the one behind it, which has come past."""
 CELL = 0.2
 """Metres: side of a cell. The ways on both sides of a wall are not in cells beside each other: bases are wider."""
