@@ -130,9 +130,14 @@ class Row:
         has_turned, self._turns = turns != self._turns, turns
         if head not in self._last or not (is_broken or has_turned):
             return ahead
-        row = {robot: metres for robot, metres in self.find(head).items() if robot in members}
-        is_mixed = any(row.get(told.get(robot, -1), math.inf) < metres - PASSED for robot, metres in row.items())
-        order = [head, *row]
+        from_end = {robot: metres for robot, metres in self.find(head).items() if robot in members}
+        first = next((robot for robot in from_end if told.get(robot) == head), head)
+        last = next((robot for robot in from_end if robot not in told.values()), head)
+        if not is_broken and from_end.get(first, 0.0) < from_end.get(last, 0.0):
+            # The head is among them, and the one that was the last is at the other end.
+            from_end = {robot: -from_end[robot] for robot in reversed(from_end)}
+        is_mixed = any(from_end.get(told.get(robot, -1), math.inf) < far - PASSED for robot, far in from_end.items())
+        order = [head, *from_end]
         return order[order.index(view.robot_id) - 1] if is_broken or is_mixed else ahead
 
     def find(self, first: int) -> dict[int, float]:
