@@ -281,10 +281,7 @@ class Trail:
             there, off = trail.path.near(ahead.pose, self._place - BEHIND, self._place + BEHIND)
             if there < self._place + PAST and off < BESIDE:
                 return Twist(), waits_for(before[0], "comes past")
-        command = self._along(view, own, max(CREEP, min(speed, limits.linear) * share), limits, passed, role.ahead)
-        if not speed and command.linear.x:
-            # Where it stands it turns to where the trail leads on: all robots of a line that has turned do so at once.
-            command = Twist()
+        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
         is_slow = view.odom is None or view.odom.twist.twist.linear.x < WANTED
         way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else []
         command = self._escape.free(view, command, way)
