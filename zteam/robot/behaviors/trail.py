@@ -122,9 +122,9 @@ LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
 STALE, REMEMBERED = 1.0, to_ns(90.0)
 """Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
-KNOT, STANDS, IN_WAY, LOOSENS = 0.5, to_ns(18.0), to_ns(8.0), 0.03
-"""A robot that has not come so many metres in so many nanoseconds, the second ones in the way of a robot before it, may
-be what holds its line: with this chance in a step it makes room, wherever there is some."""
+KNOT, FRUITLESS, STANDS, LOOSENS = 0.5, 3, to_ns(24.0), 0.03
+"""A robot that has not come so many metres since so many turns of its line, or in so many nanoseconds, may be what
+holds it: with this chance in a step it makes room for the others, wherever there is some."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
@@ -203,10 +203,8 @@ class Trail:
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
         self._got_on: tuple[int, float] | None = None
         """When (ns) and where on the trail it got on last on its way past a lost head; None: it is past."""
-        self._stood: tuple[Point2, int] = (math.inf, math.inf), 0
-        """Where it got on last, and when (ns)."""
-        self._in_way = False
-        """Whether it has been in the way of a robot before it since then."""
+        self._stood: tuple[Point2, int, int] = (math.inf, math.inf), 0, 0
+        """Where it got on last, when (ns), and how often the line had turned then."""
         self._loosens = False
         """Whether it makes room in a knot."""
         self._passed = 0
@@ -260,10 +258,10 @@ class Trail:
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
         if math.dist(own[:2], self._stood[0]) > KNOT:
-            self._stood, self._in_way = (own[:2], view.now), False
-        self._in_way = self._in_way or not stopped.isdisjoint(before)
-        # Where the head keeps its place, the robots behind it may have reason to stand.
-        is_held = view.now - self._stood[1] > (IN_WAY if self._in_way else STANDS if role.may_turn else math.inf)
+            self._stood = own[:2], view.now, role.turns
+        _, since, turns = self._stood
+        # Behind a head that keeps its place a robot may have reason to stand.
+        is_held = role.turns - turns >= FRUITLESS or (role.may_turn and view.now - since > STANDS)
         if is_held and not self._escape.is_moving and view.random(0) < LOOSENS:
             self._loosens = self._escape.leave(view)
         self._loosens = self._loosens and self._escape.is_moving
