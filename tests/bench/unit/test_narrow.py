@@ -82,11 +82,15 @@ def test_a_way_out_has_room_for_the_robot(
     assert floor.has_way(np.array(pose), np.array(others).reshape(-1, 3), np.array(pose)) is leads
 
 
-def stuck(floor: Floor, *tracks: list[float], waits: dict[int, int] | None = None, line: bool = True) -> list[Stand]:
-    """Robots at these places along the corridor, one a second; each follows the one before it."""
+def stuck(
+    floor: Floor, *tracks: list[float], waits: dict[int, int] | None = None, line: bool = True, leads_from: int = 0
+) -> list[Stand]:
+    """Robots at these places along the corridor, one a second; each follows the one before it, the first from a second
+    on none."""
     poses = np.array([[(x, 0.0, 0.0) for x in row] for row in zip(*tracks, strict=True)])
     follows = {robot: robot - 1 for robot in range(len(tracks))}
-    return find_stuck(floor, poses, 1.0, [follows] * len(poses), [waits or {}] * len(poses), is_line=line)
+    followed = [follows | ({0: 9} if second < leads_from else {}) for second in range(len(poses))]
+    return find_stuck(floor, poses, 1.0, followed, [waits or {}] * len(poses), is_line=line)
 
 
 def test_who_is_stuck(floor: Floor) -> None:
@@ -100,3 +104,4 @@ def test_who_is_stuck(floor: Floor) -> None:
     to_and_fro = [0.9 * (second % 2) for second in range(71)]
     assert [each.robot for each in stuck(floor, to_and_fro)] == [0]
     assert stuck(floor, to_and_fro, line=False) == []
+    assert stuck(floor, to_and_fro, leads_from=20) == []

@@ -82,6 +82,18 @@ def test_it_hands_over_where_it_does_not_get_on() -> None:
     assert lead(moving, look(Pose2(0.61, 0.0, 0.0), OPEN, 7.1), Pose2(0.61, 0.0, 0.0))[0] is not None
 
 
+@pytest.mark.parametrize(("metres", "hands_over"), [(1.9, True), (2.1, False)])
+def test_it_hands_over_where_it_does_not_come_two_metres_away(metres: float, hands_over: bool) -> None:
+    """For 40 s it has driven to and fro; the other end of the line may find a way on."""
+    head = Head()
+    given = []
+    for tick in range(402):
+        own = Pose2(metres * abs(1.0 - 0.02 * (tick % 100)), 0.0, 0.0)
+        given.append(lead(head, look(own, OPEN, 1.0 + 0.1 * tick), own)[0])
+    assert all(given[:-1])
+    assert (given[-1] is None) is hands_over
+
+
 @pytest.mark.parametrize(("ticks", "hands_over"), [(29, False), (31, True)])
 def test_a_new_head_has_three_seconds_to_find_a_heading(ticks: int, hands_over: bool) -> None:
     """Shut in later than that it hands over at once; before, its own line may be what shuts it in."""
