@@ -211,8 +211,9 @@ RUNS: dict[str, Callable[[], Run]] = {
     ),
     "a formation makes way for a leader that turns in a dead end": lambda: Run(
         [on_x(0.0, Commanded((0.0, 1.0, 120))), *formation(3, "column")], 120, box(-12.0, -0.9, 1.0, 0.9),
-        ways=[(0.0, 0.0, 0.0), (-1.294, -0.176, 2.179), (-2.064, 0.257, 1.578)],
-        said="boxed in: leaves its way to its slot; in its slot; leader robot_0 stands; makes way: robot_0 turns back",
+        ways=[(0.0, 0.0, 0.0), (-1.048, 0.166, 0.868), (-1.737, -0.094, 0.928)],
+        said="in its slot; leader robot_0 stands; it cannot see ahead; it cannot see behind; makes room for robot_0; "
+        "makes room for robot_1; makes way: robot_0 turns back",
     ),
     "a formation goes round a bend, is squeezed by a doorway and opens again": lambda: Run(
         [on_x(0.0, Commanded((0.3, 0.3, 50), (0.3, -0.3, 50), (0.3, 0.0, 50))), *formation(3, "line", 0.4)], 200,
@@ -225,10 +226,10 @@ RUNS: dict[str, Callable[[], Run]] = {
             on_x(0.8, Commanded((0.4, 0.0, 30), (0.0, QUARTER, 10), (0.4, 0.0, 60)), -0.5),
             on_x(0.0, load_behavior("formation", {"leader": 0, "shape": "column", "max_linear": 0.5}, 1)),
         ],
-        450, [*NARROW, (1.0, 0.6, 1.0, 6.0)],
-        ways=[(1.961, 1.529, 3.6), (0.278, 0.325, 3.679)],
-        said="boxed in: leaves its way to its slot; in its slot; leader robot_0 stands; is stuck: leaves its way; "
-        "it cannot see ahead; it cannot see behind; obstacle ahead; obstacle beside",
+        480, [*NARROW, (1.0, 0.6, 1.0, 6.0)],
+        ways=[(1.964, 1.552, 3.6), (0.209, 0.261, 4.383)],
+        said="in its slot; leader robot_0 stands; is stuck: leaves its way; it cannot see ahead; it cannot see behind; "
+        "obstacle ahead; obstacle beside",
     ),
     "go_to leaves a dead end": lambda: Run(
         [at(0, 0, 0, "go_to")], 289, POCKET, {1: send(0, make_goal(4.0, 0.3))},
