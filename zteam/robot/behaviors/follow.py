@@ -13,10 +13,9 @@ from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.behaviors.row import PERIOD
-from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember, head_comes_round, places_of
+from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember, head_comes_round
 from zteam.robot.behaviors.wander import Avoid, Forward, Idle, Wander
-from zteam.robot.view import View, own_pose
+from zteam.robot.view import View
 
 
 class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,14 +62,11 @@ class Follow(LineMember):
 
     Params = FollowParams
     params: FollowParams
-    leader: int
     uses_tf = True
 
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
         self._around = Around()
-        self._looked = -1
-        """The period in which it looked for its place in the row."""
         self._successor: Behavior | None = None
         """What it does in the place of a head that is gone."""
         self._before = params.leader
@@ -94,10 +90,7 @@ class Follow(LineMember):
     def step(self, view: View) -> Twist:
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params
-        role = self._find_role(view, self.leader, params.on_leader_lost)
-        if view.now // PERIOD != self._looked and self._may_turn:
-            self._looked = view.now // PERIOD
-            self.leader = self._find_leader(view, role)
+        role = self._find_role(view, params.leader, params.on_leader_lost)
         own = self._locate(view, role)
         if own is None:
             return Twist()
@@ -114,18 +107,6 @@ class Follow(LineMember):
             return self._drive_straight(view, role.ahead, limits)
         command, self.reason = self._trail.step(view, own, role, params.gap, params.stale_after, limits)
         return command
-
-    def _find_leader(self, view: View, role: LineRole) -> int:
-        """The robot that `params` names; where robots have come past each other between walls, as their row is."""
-        here, robots = own_pose(view), (*role.before, *role.after)
-        if here is None:
-            return self.leader
-        self._row.look(view, here)
-        places = [here[:2], *places_of(view, robots)]
-        if role.head is None or not role.may_turn or not any(map(self._row.is_between_walls, places)):
-            return self.params.leader
-        members = {view.robot_id, *robots} - {role.head}
-        return self._row.find_ahead(view, role.head, members, self.leader, role.turns)
 
     def _take_the_lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
         """In the place of a head that is gone, or that has handed over."""

@@ -22,7 +22,7 @@ from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
 from zteam.robot.behaviors.line import Line, see_robot
 from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
-from zteam.robot.behaviors.row import PERIOD, share_for_room
+from zteam.robot.behaviors.row import Row, share_for_room
 from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
 from zteam.robot.view import NO_POSE, View, is_clear, own_pose
 
@@ -150,6 +150,8 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     return columns
 
 
+_PERIOD = 500_000_000
+"""Nanoseconds between two looks for a better assignment: at the same times in all robots."""
 _BETTER = 0.7
 """A new assignment costs at most this share of the present one: so slots do not flip where two cost nearly the same."""
 
@@ -279,6 +281,7 @@ class Formation(LineMember):
         self._boxed_in, self._escape = BoxedIn(), Escape()
         self._before = 0
         """How many robots were before it in the file."""
+        self._row = Row()
         self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
@@ -391,7 +394,7 @@ class Formation(LineMember):
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
-        params, period = self.params, view.now // PERIOD
+        params, period = self.params, view.now // _PERIOD
         slots = slots_of(params.shape, len(members), params.spacing)
         is_due = self._slots.keys() != members.keys() or period != self._assigned
         if is_due:

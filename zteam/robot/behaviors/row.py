@@ -60,9 +60,6 @@ JUMP = 1.0
 MOST_CELLS = 2000
 """The newest ones are kept."""
 
-PERIOD = 500_000_000
-"""Nanoseconds between two looks: at the same times in all robots."""
-
 Cell = tuple[int, int]
 
 
@@ -119,8 +116,8 @@ class Row:
     ) -> int:
         """The robot to follow in the row of these members down from the `head`: mostly the one `ahead` as until now.
 
-        Another one if this robot `is_new` in the row, if the members do not tell a row, or if one of them has come past
-        the one before it and the line has turned. In a ring, the head may come to the last one.
+        Another one if this robot `is_new` in the row, if the statuses of the members make no row, or if one of them is
+        past the robot that it follows and the line has turned. Until then, in a ring, the head may come to the last one.
         """
         statuses = view.inputs.get("statuses") or {}
         told = {robot: status.leader for robot, status in statuses.items() if status.gap} | {view.robot_id: ahead}

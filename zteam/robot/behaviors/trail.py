@@ -26,7 +26,6 @@ from zteam.robot.behaviors.line import (
     waits_for,
 )
 from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue
-from zteam.robot.behaviors.row import Row
 from zteam.robot.behaviors.steering import Steering
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
 
@@ -414,7 +413,7 @@ class LineMember(Behavior):
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
-        self._line, self._trail, self._head, self._row = Line(), Trail(), Head(), Row()
+        self._line, self._trail, self._head = Line(), Trail(), Head()
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""

@@ -4,9 +4,6 @@ import math
 
 import pytest
 
-from support.team_floor import TeamFloor, follower
-from zteam.behaviors import load_behavior
-from zteam.geometry import Pose2
 from zteam.robot.behaviors.row import Row
 
 BEND = {0: (0.0, 0.0), 1: (0.8, 0.0), 2: (1.6, 0.0), 3: (1.6, 0.9), 4: (0.8, 0.9)}
@@ -66,20 +63,3 @@ def test_the_oldest_ways_are_forgotten() -> None:
     assert math.isfinite(row.find(0)[1])
     row.note({0: (1250.0, 0.0), 2: (1250.0, 0.4)})
     assert list(row.find(0)) == [2]
-
-
-def test_a_line_in_which_a_robot_has_come_past_gets_out_of_a_dead_end_as_its_row_is() -> None:
-    """Between walls robot 1 stands behind robot 2, and follows it from the turn on; in the open it is as it was."""
-    places = {0: 3.4, 1: 1.8, 2: 2.6, 3: 1.0}
-    team = [load_behavior("wander", {}, 0), *(follower(robot) for robot in (1, 2, 3))]
-    walls = [(0.0, -0.5, 4.0, -0.5), (0.0, 0.5, 4.0, 0.5), (4.0, -0.5, 4.0, 0.5)]
-    floor = TeamFloor([(Pose2(places[i], 0.0, 0.0), behavior) for i, behavior in enumerate(team)], walls)
-    leaders = [[0, 1, 2]]
-    for _ in range(1200):
-        floor.tick()
-        if (now := [behavior.leader for behavior in team[1:]]) != leaders[-1]:
-            leaders.append(now)
-        if len(leaders) == 3:
-            break
-    assert leaders[1:] == [[2, 0, 1], [0, 1, 2]]
-    assert max(pose.x for pose in floor.poses) < 0.5
