@@ -117,7 +117,7 @@ class Row:
         """The robot to follow in the row of these members down from the `head`: mostly the one `ahead` as until now.
 
         Another one if this robot `is_new` in the row, if the statuses of the members make no row, or if one of them is
-        past the robot that it follows and the line has turned. Until then, in a ring, the head may come to the last one.
+        past the robot that it follows and the line has turned. Until then it may be in a ring.
         """
         statuses = view.inputs.get("statuses") or {}
         told = {robot: status.leader for robot, status in statuses.items() if status.gap} | {view.robot_id: ahead}

@@ -53,8 +53,8 @@ class SafetyLog:
                 self.stops += not self._began
                 self._began, self._stands = self._began or now, stands
                 wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
-                text, speed = "safety: %s %s (%.2f m/s): %s", wanted.linear.x or wanted.linear.y
-                log.info(text, "stopped" if stands else "slowed", wanting, speed, trouble)
+                done, speed = "stopped" if stands else "slowed", wanted.linear.x or wanted.linear.y
+                log.info("safety: %s %s (%.2f m/s): %s", done, wanting, speed, trouble)
         elif self._began and wanted.linear.x:
             self._free = self._free or now
             if now - self._free >= FREE_AFTER:
