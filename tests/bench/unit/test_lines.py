@@ -205,7 +205,7 @@ def test_a_run_with_late_steps_is_repeated_at_half_the_speed(
 @pytest.mark.ci
 @pytest.mark.parametrize(("case", "seed"), [("maze-8", 2), ("rooms-8", 1)])
 def test_a_line_in_a_narrow_place_gets_on(case: str, seed: int) -> None:
-    """From a dead end of a maze, and round a small room: nobody stays in its place, and nobody touches anything."""
+    """From a dead end of a maze, and round a small room: no robot stays in its place, and none touches anything."""
     outcome = measure(Task(case, 90.0, seed))
     assert (outcome.error, outcome.contacts, outcome.stuck) == ("", 0, [])
     assert min(outcome.driven) > 10.0

@@ -71,7 +71,7 @@ def find_moves(
 TURNS_WITHIN = to_ns(1.0)
 """Nanoseconds without turning after which it looks for a way."""
 HAS_TURNED = 0.05
-"""Radians that count as turning."""
+"""Radians; a smaller change of heading is no turn."""
 FREED = 1.0
 """Metres from there after which it is free."""
 COMES, COMES_WITHIN = 0.2, to_ns(4.0)

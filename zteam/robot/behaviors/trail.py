@@ -209,8 +209,13 @@ class Trail:
         self._passed = 0
         """When it was asked last to drive past one (ns)."""
 
+    def release(self) -> None:
+        """It was stopped, or did not see its head: the time for which it stood does not count."""
+        self._stood = (math.inf, math.inf), 0, 0
+        self.rest()
+
     def rest(self) -> None:
-        """It was stopped: that it did not get on does not count."""
+        """That it did not get on does not count."""
         self._making_room.rest()
         self._escape.rest()
 
@@ -235,7 +240,7 @@ class Trail:
         head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
         ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
         if head is None or ahead is None:
-            self.rest()
+            self.release()
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._update(view, before, head, own, gap)
         self.ahead.see(own, ahead, view.now)
@@ -434,7 +439,7 @@ class LineMember(Behavior):
 
     def on_release(self) -> None:
         """See Behavior: that it did not get on meanwhile is no reason to hand over or to leave its way."""
-        self._trail.rest()
+        self._trail.release()
         self._head.rest()
 
     def _find_role(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> LineRole:

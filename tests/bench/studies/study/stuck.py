@@ -177,7 +177,7 @@ def find_anchors(places: NDArray[np.float64], metres: float, counts: NDArray[np.
 
 
 def _waits_for_one_that_moves(robot: int, waits: Mapping[int, int], staying: Collection[int]) -> bool:
-    """Whether a robot waits, directly or through others, for one that gets on: then it stands as it should."""
+    """Whether a robot waits, directly or through others, for a robot that does not stay: it is not stuck then."""
     seen = {robot}
     other = waits.get(robot, -1)
     while other >= 0 and other not in seen:

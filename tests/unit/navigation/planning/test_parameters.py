@@ -97,7 +97,7 @@ def test_a_table_of_a_team_file_replaces_values_of_the_file(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("in_file", "own", "hertz"), [(20.0, None, 1.0), (0.5, None, 0.5), (20.0, 5.0, 5.0)])
 def test_a_file_of_nav2_plans_once_a_second(tmp_path: Path, in_file: float, own: float | None, hertz: float) -> None:
-    """At most: there the frequency is a threshold for a warning. A table of the team's own counts as it is."""
+    """At most: there the frequency is a threshold for a warning. The team's own table is taken as it is."""
     text = f"planner_server: {{ros__parameters: {{expected_planner_frequency: {in_file}}}}}"
     tables = {} if own is None else {"planner_server": {"expected_planner_frequency": own}}
     assert read(tmp_path, text, **tables).planner_server.expected_planner_frequency == hertz

@@ -91,7 +91,7 @@ def test_it_leaves_a_place_only_for_one_that_is_some_way_off(length: float, lead
 
 
 def ask(escape: Escape, tick: int, yaw: float, command: Twist, x: float = 0.0) -> Twist:
-    """What it is told in one tick, on an open floor."""
+    """The command of one tick on an open floor."""
     scan = make_scan(np.full(BEAMS, 30.0), tick * TICK)
     return escape.free(make_view(scan, now=tick * TICK, odom=make_odometry(Pose2(x, 2.0, yaw))), command)
 

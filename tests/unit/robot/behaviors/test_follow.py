@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
+from support.team_floor import TeamFloor, line
 from zteam import testing
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.errors import UsageError
@@ -163,3 +164,17 @@ def test_a_robot_that_leads_again_does_not_hand_over_at_once(lost: float | None)
         gone = 20 <= tick < 110
         command = step_behind(behavior, 1.0 + 0.1 * tick, head=lost if gone else -0.8, gone=gone, turns=1)
     assert (command.linear.x, behavior.reason, behavior.turns) == (0.4, "", 1)
+
+
+def test_a_line_that_was_stopped_for_long_drives_on_as_it_stood() -> None:
+    """The time for which it was stopped makes no robot leave its way."""
+    floor = TeamFloor(line(load_behavior("wander", {}, 0), 8), [])
+    floor.tick()
+    for _ in range(300):
+        floor.step([load_behavior("idle", {})] * 8)
+    for behavior in floor.team:
+        behavior.on_release()
+    for _ in range(30):
+        floor.tick()
+        # The head may turn, and those behind it after it.
+        assert max(abs(command.angular.z) for command, _ in floor.commands[3:]) < 0.05
