@@ -263,6 +263,9 @@ class Trail:
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
         if math.dist(own[:2], self._stood[0]) > KNOT:
             self._stood = own[:2], view.now, role.turns
+        elif self._is_parked:
+            # In its place behind a head that stands.
+            self._stood = self._stood[0], view.now, self._stood[2]
         _, since, turns = self._stood
         # Behind a head that keeps its place a robot may have reason to stand.
         is_held = role.turns - turns >= FRUITLESS or (role.may_turn and view.now - since > STANDS)

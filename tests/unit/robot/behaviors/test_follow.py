@@ -178,3 +178,16 @@ def test_a_line_that_was_stopped_for_long_drives_on_as_it_stood() -> None:
         floor.tick()
         # The head may turn, and those behind it after it.
         assert max(abs(command.angular.z) for command, _ in floor.commands[3:]) < 0.05
+
+
+def test_a_line_behind_a_head_that_was_stopped_keeps_its_places() -> None:
+    """The head alone stands for a minute (`zteam stop 0`), and then drives on: none of the others leaves its way."""
+    floor = TeamFloor(line(load_behavior("wander", {}, 0), 8), [])
+    floor.tick()
+    for _ in range(600):
+        floor.step([load_behavior("idle", {}), *floor.team[1:]])
+        assert max(abs(command.angular.z) for command, _ in floor.commands) < 0.05
+    floor.team[0].on_release()
+    for _ in range(30):
+        floor.tick()
+        assert max(abs(command.angular.z) for command, _ in floor.commands[3:]) < 0.05
