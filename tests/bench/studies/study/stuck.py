@@ -167,7 +167,7 @@ def find_stuck(
 
 
 def find_anchors(places: NDArray[np.float64], metres: float, counts: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(ticks, robots): the tick since which a robot is not so far from where it was then; at most as old as `counts`."""
+    """(ticks, robots): the tick since which a robot is not so far from where it was then, or since when it `counts`."""
     found, places = np.zeros(places.shape[:2], np.intp), places[..., :2]
     robots = np.arange(places.shape[1])
     for tick in range(1, len(places)):
