@@ -13,7 +13,7 @@ from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
-from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
+from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits, pursue, way_back
 from zteam.robot.view import View, is_clear, is_seen, look_along
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
@@ -81,8 +81,9 @@ class Around:
         return True
 
 
-FREE = 1.0
-"""Metres ahead that have to be free for it to drive straight on."""
+FREE, CLOSER = 1.0, 0.55
+"""Metres ahead that have to be free for it to drive straight on, and where it finds no heading: it sees round a corner
+from near the wall."""
 ROOMY, MOST_ROOM = 1.3, 5.0
 """Metres that have to be free along a new heading; more than the second counts no more."""
 HALF_WIDTH = 0.06
@@ -93,6 +94,9 @@ HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
 """Of which it draws one: never back past its own line."""
 CHANCE, EVERY = 0.1, 0.4
 """How often it draws another heading without need: with this chance after each so many metres."""
+LONG, OTHER_SIDE = 5, 0.5
+"""Robots behind it with which it turns as little as it can, and the radians by which a turn to the other side than last
+time has to be smaller: so it goes round a room, and does not meet its own line."""
 ON_THE_SPOT = 0.8
 """Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
 NARROW = 0.7
@@ -102,38 +106,45 @@ TURN_GAIN = 2.0
 """1/s."""
 GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
-BEEN, TWICE, LEFT = 0.6, 2, 5
-"""It hands over where it has left a place within so many metres so often; that many more places are remembered."""
+LATELY = to_ns(15.0)
+"""Nanoseconds after a turn of its line in which it looks for a way between the others: the other end has found none."""
 BEFORE_END = 0.8
 """Metres before a dead end at which it looks for another way: there is one that it has not seen in time else."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
+AT_END, OUT, ON_WAY = 0.1, 0.9, 0.5
+"""Metres to the end of the way back at which it is there, and ahead and beside within which a robot is on that way."""
 
 
 class Head:
-    """The law of the robot that leads."""
+    """The law of the robot that leads: back on the way on which it came until its line is out, then at random."""
 
     def __init__(self) -> None:
         self._since: int | None = None
         """Nanoseconds: when it began to lead; None while it does not."""
+        self._back: Polyline | None = None
+        """The way on which it came, back, as far as its line is long; None once it has left it."""
+        self._place = 0.0
+        """On that way."""
         self._heading: float | None = None
         """In map (rad), while it turns."""
+        self._side = 0.0
+        """Its last turn (rad)."""
         self._anchors: list[tuple[Point2, int]] = []
         """Where in map it got on last by each distance of PROGRESS, and when (ns)."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
         self._escape = Escape()
-        self._left: list[Point2] = []
-        """The last places in map from which it looked for a way to leave them."""
 
     def rest(self) -> None:
         """It does not lead, or stands for a reason."""
         self._since = None
 
     def step(
-        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, ends: Sequence[Point2] = ()
-    ) -> tuple[Twist | None, str]:
-        """The velocity, and why it is zero; None where it is to hand over. Of several ways it takes one that does not
-        lead to a dead end: where its line has turned, at these places in map."""
+        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, came: Polyline,
+        ends: Sequence[Point2] = (),
+    ) -> tuple[Twist | None, str]:  # fmt: skip
+        """The velocity, and why it is zero; None where it is to hand over. It `came` on this way (map). Of several ways
+        it takes one that does not lead to a dead end: where its line has turned, at the places `ends` (map)."""
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
@@ -141,16 +152,25 @@ class Head:
             self._since, self._drawn_at, self._heading = view.now, own, None
             self._anchors = [(own[:2], view.now)] * len(PROGRESS)
             self._escape.rest()
-            self._left = []
+            self._back, self._place = Polyline(way_back(came, came.start, role.gap * (len(role.after) + 1))), 0.0
         share, reason = keep_together(view, role)
-        # One that waits for its line, or looks for a way, has twice the time.
-        is_patient = share == 0.0 or self._escape.is_moving
+        if share == 0.0:
+            # While it waits for its line it has time.
+            self._anchors[0] = own[:2], view.now
         self._anchors = [
             (own[:2], view.now) if math.dist(own[:2], at) > metres else (at, since)
             for (at, since), metres in zip(self._anchors, PROGRESS, strict=True)
         ]
         waits = [(view.now - since) / most for (_, since), most in zip(self._anchors, GIVES_UP, strict=True)]
-        if waits[0] > (2 if is_patient else 1) or waits[1] > 1:
+        gives_up = waits[0] > (2 if self._escape.is_moving else 1) or waits[1] > 1
+        if self._back is not None:
+            command = None if gives_up else self._go_back(view, own, self._back, speed * share, turn_rate)
+            if command is not None:
+                return command, "" if share else reason
+            self._back, gives_up = None, False
+            self._anchors = [(own[:2], view.now)] * len(PROGRESS)
+            self._turn_away(view, own, role)
+        if gives_up:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
@@ -159,16 +179,22 @@ class Head:
             # It finds no way while its line is not there.
             self._escape.rest()
             return Twist(), reason
+        shunned, is_long = [own.locate(*end) for end in ends], len(role.after) >= LONG
         if self._escape.is_moving:
-            return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
-        shunned = [own.locate(*end) for end in ends]
-        if self._heading is None and self._wants_another(view, own, ahead, _room_before(shunned, 0.0)):
+            turn = self._draw(view, scan, shunned, is_long=is_long) if ahead > NARROW else None
+            if turn is None or abs(turn) > ON_THE_SPOT:
+                return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
+            self._escape.rest()
+            self._drawn_at, self._heading = own, normalize_angle(own.yaw + turn)
+        unknown = _room_before(shunned, 0.0)
+        if self._heading is None and self._wants_another(view, own, ahead, unknown, is_long=is_long):
             self._drawn_at = own
-            turn = self._draw(view, scan, shunned)
-            if turn is None and (ahead < FREE or _room_before(shunned, 0.0) < FREE):
-                been = sum(math.dist(own[:2], at) < BEEN for at in self._left)
-                if been < TWICE and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
-                    self._left = [*self._left[-LEFT:], own[:2]]
+            turn = self._draw(view, scan, shunned, is_long=is_long)
+            if turn is None and CLOSER < ahead < FREE:
+                return Twist(Vector3(speed * share)), "" if share else reason
+            if turn is None and min(ahead, unknown) < FREE:
+                is_new = role.turns > 0 and view.now - self._since < LATELY
+                if is_new and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if ahead < FREE and view.now - self._since > FIRST:
                     return None, ""
@@ -180,24 +206,48 @@ class Head:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float) -> bool:
+    def _go_back(self, view: View, own: Pose2, path: Polyline, speed: float, turn_rate: float) -> Twist | None:
+        """The velocity along the way back; None at its end, or where another robot is on it."""
+        self._place, _ = path.near(own, self._place - LOOK_AHEAD, self._place + 2.0 * LOOK_AHEAD)
+        if path.end - self._place < AT_END:
+            return None
+        way = [own.locate(*path.point(self._place + EVERY * step)) for step in (1, 2, 3, 4)]
+        bearing = math.atan2(way[0][1], way[0][0])
+        for mate in view.teammates:
+            along, across = mate.along(bearing)
+            if 0.0 < along < OUT and abs(across) < ON_WAY:
+                return None
+        command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
+        return self._escape.free(view, command, way if speed else ())
+
+    def _turn_away(self, view: View, own: Pose2, role: LineRole) -> None:
+        """Turn round where the robot behind is ahead: a new head mostly looks along its line."""
+        behind = view.base_from_robot(role.after[0]) if role.after else None
+        if behind is not None and behind[0].x > 0.0:
+            self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
+
+    def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float, *, is_long: bool) -> bool:
         if ahead < FREE:
             return True
         if math.dist(own[:2], self._drawn_at[:2]) < EVERY:
             return False
         self._drawn_at = own
-        return unknown < FREE or view.random(0) < CHANCE
+        return unknown < FREE or (not is_long and view.random(0) < CHANCE)
 
-    def _draw(self, view: View, scan: LaserScan, shunned: Sequence[Point2]) -> float | None:
-        """Of the headings with enough room one (rad), the likelier the more room and the less to the side."""
-        best, most = None, 0.0
+    def _draw(self, view: View, scan: LaserScan, shunned: Sequence[Point2], *, is_long: bool) -> float | None:
+        """Of the headings with enough room one (rad), the likelier the more room and the less to the side; in a long
+        line the one that is the least to the side."""
+        best, most = None, -math.inf
         for draw, heading in enumerate(HEADINGS, 1):
-            room = (
-                min(self._room(view, scan, heading), _room_before(shunned, heading)) if is_seen(scan, heading) else 0.0
-            )
+            room = min(self._room(view, scan, heading), _room_before(shunned, heading))
+            if room <= ROOMY or not is_seen(scan, heading):
+                continue
             weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
-            if room > ROOMY and weight > most:
+            if is_long:
+                weight = -abs(heading) - OTHER_SIDE * (heading * self._side < 0.0)
+            if weight > most:
                 best, most = heading, weight
+        self._side = best or self._side
         return best
 
     def _room(self, view: View, scan: LaserScan, heading: float) -> float:

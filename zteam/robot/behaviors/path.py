@@ -14,6 +14,8 @@ from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.view import NO_POSE, View, own_pose
 
+SAME, BACK_STEP = 0.25, 0.1
+"""Metres between two points at which a way is at the same place again, and between two points of the way back."""
 _LEAST = 1e-9
 """Metres: a nearer point is the same point, because its direction would be rounding."""
 
@@ -110,6 +112,11 @@ class Polyline:
         place = self.project(point[0], point[1], low, high)
         return place, math.dist(point[:2], self.point(place))
 
+    def first_beside(self, point: Point2, low: float, high: float) -> float:
+        """The first of its points from `low` to `high` that is within SAME of this one; `high` without any."""
+        places = zip(self._s, self._points, strict=True)
+        return next((s for s, at in places if low <= s < high and math.dist(at, point) < SAME), high)
+
     def _point(self, piece: int, s: float) -> tuple[float, float]:
         """The point at `s`, which lies on this piece: as `at`."""
         (x, y), (to_x, to_y) = self._points[piece : piece + 2]
@@ -119,6 +126,16 @@ class Polyline:
     def _piece(self, s: float) -> int:
         """The index of the point at which the piece around `s` begins."""
         return max(0, min(bisect_right(self._s, s) - 1, len(self._s) - 2))
+
+
+def way_back(way: Polyline, place: float, length: float = math.inf) -> list[Point2]:
+    """From the end of a way back to this place on it, as far as `length` metres, without what it went twice."""
+    back, at = [way.point(way.end)], way.end
+    while at > place and length > 0.0:
+        at = min(at, way.first_beside(back[-1], place, at)) - BACK_STEP
+        back.append(way.point(at))
+        length -= math.dist(*back[-2:])
+    return back
 
 
 LOOK_AHEAD = 0.3

@@ -51,6 +51,9 @@ def share_for_room(
 
 SIDE, NARROW = 0.8, 0.8
 """Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+ABOUT, MOST = 7, 0.7
+"""Cells about a place, and the share of those that were looked at that may be open where it is narrow: about a corner
+of a room more of them are."""
 PASSED = 0.5
 """Metres along their file that a robot has to be behind the one behind it, which has come past."""
 CELL = 0.2
@@ -69,8 +72,8 @@ class Row:
     def __init__(self) -> None:
         self._turns = 0
         """How often the line had turned at the last look."""
-        self._cells: dict[Cell, bool] = {}
-        """Whether walls are on both sides there; the oldest first."""
+        self._cells: dict[Cell, bool | None] = {}
+        """Whether walls are on both sides there, None where only others were; the oldest first."""
         self._last: dict[int, Point2] = {}
 
     def note(self, places: Mapping[int, Point2]) -> None:
@@ -100,16 +103,17 @@ class Row:
             for right in (0.0, SIDE)
             if view.scan is not None
         ]
-        if sum(shares) > NARROW and min(shares) > 0.0:
-            self.note_walls(here[:2])
+        self.note_walls(here[:2], sum(shares) > NARROW and min(shares) > 0.0)
 
-    def note_walls(self, place: Point2) -> None:
-        """Walls are on both sides of this place."""
-        self._cells[_cell_at(place)] = True
+    def note_walls(self, place: Point2, are_there: bool = True) -> None:
+        """Whether walls are on both sides of this place."""
+        self._cells[_cell_at(place)] = are_there
 
     def is_between_walls(self, place: Point2) -> bool:
-        """Whether walls are on both sides there, or beside it, as was noted."""
-        return any(self._cells.get(cell) for cell in _beside(_cell_at(place)))
+        """Whether walls are on both sides there, as was noted about it."""
+        cells = (self._cells.get(cell) for cell in _beside(_cell_at(place), ABOUT))
+        looks = [is_narrow for is_narrow in cells if is_narrow is not None]
+        return looks.count(False) < MOST * len(looks)
 
     def find_ahead(
         self, view: View, head: int, members: Collection[int], ahead: int, turns: int, *, is_new: bool = False
@@ -165,7 +169,7 @@ class Row:
         for part in range(parts + 1):
             share = part / parts
             cell = _cell_at((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
-            self._cells[cell] = self._cells.pop(cell, False)
+            self._cells[cell] = self._cells.pop(cell, None)
         while len(self._cells) > MOST_CELLS:
             del self._cells[next(iter(self._cells))]
 
@@ -174,6 +178,7 @@ def _cell_at(place: Point2) -> Cell:
     return math.floor(place[0] / CELL), math.floor(place[1] / CELL)
 
 
-def _beside(cell: Cell) -> list[Cell]:
-    """The cell and the eight around it."""
-    return [(cell[0] + dx, cell[1] + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+def _beside(cell: Cell, reach: int = 1) -> list[Cell]:
+    """The cell and those around it, as many cells far."""
+    around = range(-reach, reach + 1)
+    return [(cell[0] + dx, cell[1] + dy) for dx in around for dy in around]

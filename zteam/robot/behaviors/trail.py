@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from zteam import names
 from zteam.clock import to_ns
+from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
@@ -25,7 +26,7 @@ from zteam.robot.behaviors.line import (
     see_robot,
     waits_for,
 )
-from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue
+from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue, way_back
 from zteam.robot.behaviors.steering import Steering
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
 
@@ -121,9 +122,11 @@ LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
 STALE, REMEMBERED = 1.0, to_ns(90.0)
 """Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
-KNOT, FRUITLESS, STANDS, LOOSENS = 0.5, 3, to_ns(24.0), 0.03
-"""A robot that has not come so many metres since so many turns of its line, or in so many nanoseconds, may be what
-holds it: with this chance in a step it makes room for the others, wherever there is some."""
+KNOT, FRUITLESS, LOOSENS = 0.5, 3, 0.03
+"""A robot that has not come so many metres since so many turns of its line, or in too long a time, may be what holds
+it: with this chance in a step it makes room for the others, wherever there is some."""
+STANDS, CIRCLED = to_ns(24.0), to_ns(3.0)
+"""Nanoseconds that are too long, and that are too long in a circle of robots of which each waits for the next one."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
@@ -189,7 +192,7 @@ class Trail:
         self._leads: int | None = None
         """Whose way it is."""
         self._place = 0.0
-        self._own = Polyline()
+        self.own_way = Polyline()
         """The robot's own way."""
         self._known = 0.0
         """The place from which on the trail is the way of a robot: before that it may lead through walls."""
@@ -225,12 +228,12 @@ class Trail:
 
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
-        moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING
+        moved = math.dist(own[:2], self.own_way.last) if len(self.own_way) else SPACING
         if moved > JUMP:
-            self._own, self._left = Polyline(), None
+            self.own_way, self._left = Polyline(), None
         if moved >= SPACING:
-            self._own.append(own.x, own.y)
-            self._own.drop_before(self._own.end - KEPT)
+            self.own_way.append(own.x, own.y)
+            self.own_way.drop_before(self.own_way.end - KEPT)
 
     def step(
         self, view: View, own: Pose2, role: LineRole, gap: float, stale_after: float, limits: SpeedLimits
@@ -268,7 +271,8 @@ class Trail:
             self._stood = self._stood[0], view.now, self._stood[2]
         _, since, turns = self._stood
         # Behind a head that keeps its place a robot may have reason to stand.
-        is_held = role.turns - turns >= FRUITLESS or (role.may_turn and view.now - since > STANDS)
+        stands = role.may_turn and view.now - since
+        is_held = role.turns - turns >= FRUITLESS or stands > STANDS or (stands > CIRCLED and is_in_circle(view))
         if is_held and not self._escape.is_moving and view.random(0) < LOOSENS:
             self._loosens = self._escape.leave(view)
         self._loosens = self._loosens and self._escape.is_moving
@@ -321,9 +325,9 @@ class Trail:
     def _way_to(self, view: View, before: Sequence[int], head: Pose2, gap: float) -> list[Point2]:
         """The way to a new head: back over the own one if it stands there, else over the places of those between."""
         # The own way may have crossed itself: the head stands on the newest part of it.
-        low = self._own.end - 1.3 * gap * len(before) - JUMP
-        place, off = self._own.near(head, low) if len(self._own) else (0.0, math.inf)
-        return way_back(self._own, place) if off < JUMP else places_of(view, before[:-1])
+        low = self.own_way.end - 1.3 * gap * len(before) - JUMP
+        place, off = self.own_way.near(head, low) if len(self.own_way) else (0.0, math.inf)
+        return way_back(self.own_way, place) if off < JUMP else places_of(view, before[:-1])
 
     def _is_far_behind(self, length: float) -> bool:
         """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
@@ -362,13 +366,13 @@ class Trail:
             if self._left is not None and is_walled_off(view, own, path.point(self._place)):
                 self._place, off = self._go_back(own, *self._left), 0.0
         if self._place >= self._known and off < OFF:
-            self._left = self._place, self._own.end
+            self._left = self._place, self.own_way.end
 
     def _go_back(self, own: Pose2, left: float, left_at: float) -> float:
         """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""
         trail = self._trail
         on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
-        trail.begin(own, (*way_back(self._own, left_at), *on), trail.leader, trail.stamp)
+        trail.begin(own, (*way_back(self.own_way, left_at), *on), trail.leader, trail.stamp)
         self._known = trail.path.start
         return self._known
 
@@ -384,16 +388,21 @@ class Trail:
         return pursue(own, path, here, speed, limits)
 
 
-def way_back(way: Polyline, place: float) -> list[Point2]:
-    """From the end of the own way back to this place on it."""
-    return [way.point(way.end - i * STEP) for i in range(1, int((way.end - place) / STEP))]
-
-
 def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
     """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
     there, off = path.near(own, here + AHEAD, path.end)
     comes_back = there > here + AHEAD and off < ASIDE and path.near(ahead, here, there)[1] > OFF
     return there if comes_back else here
+
+
+def is_in_circle(view: View) -> bool:
+    """Whether the robot waits for itself, directly or through others: each one has the next one in its way."""
+    statuses = view.inputs.get("statuses") or {}
+    needs = {
+        robot: status.waits_for if status.blocked_by < 0 else status.blocked_by for robot, status in statuses.items()
+    }
+    chain = chain_from(view.robot_id, {robot: other for robot, other in needs.items() if other >= 0})
+    return len(chain) > 1 and chain[-1] == view.robot_id
 
 
 def find_silent(view: View, role: LineRole) -> int | None:
@@ -497,7 +506,7 @@ class LineMember(Behavior):
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
         self._trail.forget()
-        command, self.reason = self._head.step(view, own, role, speed, turn_rate, list(self._ends))
+        command, self.reason = self._head.step(view, own, role, speed, turn_rate, self._trail.own_way, list(self._ends))
         if command is not None:
             return command
         self._head.rest()
