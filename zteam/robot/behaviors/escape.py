@@ -74,7 +74,7 @@ HAS_TURNED = 0.05
 """Radians; a smaller change of heading is no turn."""
 FREED = 1.0
 """Metres from there after which it is free."""
-COMES, COMES_WITHIN = 0.2, to_ns(2.0)
+COMES, COMES_WITHIN = 0.2, to_ns(4.0)
 """Metres that it has to come away in so many nanoseconds where it wants to get to a place."""
 AGAIN = to_ns(0.5)
 """Nanoseconds without being asked after which what it wanted before does not count."""

@@ -169,7 +169,10 @@ class Head:
                 return command, "" if share else reason
             self._back, gives_up = None, False
             self._anchors = [(own[:2], view.now)] * len(PROGRESS)
-            self._turn_away(view, own, role)
+            for at in self._behind(view, role):
+                if at.x > 0.0:
+                    # A new head mostly looks along its line.
+                    self._heading = normalize_angle(own.yaw + math.atan2(-at.y, -at.x))
         if gives_up:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
@@ -193,8 +196,12 @@ class Head:
             if turn is None and CLOSER < ahead < FREE:
                 return Twist(Vector3(speed * share)), "" if share else reason
             if turn is None and min(ahead, unknown) < FREE:
+                # Where the other end of its line has found none either, also past its own line.
                 is_new = role.turns > 0 and view.now - self._since < LATELY
-                if is_new and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))):
+                line = [(0.5 * at.x, 0.5 * at.y) for at in self._behind(view, role)]
+                if self._escape.leave(view, [*shunned, *line]) or (
+                    is_new and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view)))
+                ):
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if ahead < FREE and view.now - self._since > FIRST:
                     return None, ""
@@ -220,11 +227,10 @@ class Head:
         command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
         return self._escape.free(view, command, way if speed else ())
 
-    def _turn_away(self, view: View, own: Pose2, role: LineRole) -> None:
-        """Turn round where the robot behind is ahead: a new head mostly looks along its line."""
-        behind = view.base_from_robot(role.after[0]) if role.after else None
-        if behind is not None and behind[0].x > 0.0:
-            self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
+    def _behind(self, view: View, role: LineRole) -> list[Pose2]:
+        """Where the robot behind is, in the base frame, if it is seen."""
+        seen = view.base_from_robot(role.after[0]) if role.after else None
+        return [] if seen is None else [seen[0]]
 
     def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float, *, is_long: bool) -> bool:
         if ahead < FREE:

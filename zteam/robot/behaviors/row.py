@@ -110,10 +110,10 @@ class Row:
         self._cells[_cell_at(place)] = are_there
 
     def is_between_walls(self, place: Point2) -> bool:
-        """Whether walls are on both sides there, as was noted about it."""
-        cells = (self._cells.get(cell) for cell in _beside(_cell_at(place), ABOUT))
-        looks = [is_narrow for is_narrow in cells if is_narrow is not None]
-        return looks.count(False) < MOST * len(looks)
+        """Whether walls are on both sides there, or beside it, as was noted, and not only as in a corner of a room."""
+        at = _cell_at(place)
+        about = [self._cells.get(cell) for cell in _beside(at, ABOUT)]
+        return any(map(self._cells.get, _beside(at))) and about.count(False) < MOST * (len(about) - about.count(None))
 
     def find_ahead(
         self, view: View, head: int, members: Collection[int], ahead: int, turns: int, *, is_new: bool = False

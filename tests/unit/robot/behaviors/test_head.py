@@ -13,6 +13,7 @@ from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NoParams
 from zteam.robot.behaviors.evasion import Head
 from zteam.robot.behaviors.line import LineRole
+from zteam.robot.behaviors.path import Polyline
 from zteam.robot.view import own_pose
 
 START = Pose2(0.0, 0.0, 0.0)
@@ -46,9 +47,13 @@ def look(
     return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates), seed=seed)
 
 
-def lead(head: Head, view: View, own: Pose2 = START, behind: int | None = None) -> tuple[Twist | None, str]:
+def lead(
+    head: Head, view: View, own: Pose2 = START, behind: int | None = None, *, came: Sequence[tuple[float, float]] = (),
+    after: tuple[int, ...] = (), turns: int = 0,
+) -> tuple[Twist | None, str]:  # fmt: skip
     """One step of a head that may drive 0.4 m/s and turn 1 rad/s."""
-    return head.step(view, own, LineRole(behind=behind, may_turn=True), SPEED, 1.0)
+    role = LineRole(behind=behind, after=after, may_turn=True, turns=turns)
+    return head.step(view, own, role, SPEED, 1.0, Polyline([*came, own[:2]]))
 
 
 @pytest.mark.parametrize(("ahead", "straight"), [(1.15, True), (1.0, False)])
@@ -114,12 +119,67 @@ def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
 
 
 def test_it_stands_while_its_line_is_not_there() -> None:
-    """In front of a wall it looks for no way until the robot behind it has come; after 12 s it hands over."""
+    """In front of a wall it looks for no way until the robot behind it has come; after 40 s it hands over."""
     head = Head()
-    for tick in range(1, 121):
+    for tick in range(1, 401):
         command, reason = lead(head, look(START, SHUT, 0.1 * tick, {1: (-2.5, 0.0)}), behind=1)
         assert (command, reason) == (Twist(), "waits for robot_1 behind it")
-    assert lead(head, look(START, SHUT, 12.2, {1: (-2.5, 0.0)}), behind=1)[0] is None
+    assert lead(head, look(START, SHUT, 40.3, {1: (-2.5, 0.0)}), behind=1)[0] is None
+
+
+@pytest.mark.parametrize("is_taken", [False, True])
+def test_a_new_head_goes_back_on_the_way_on_which_it_came(is_taken: bool) -> None:
+    """It turns round for it, though straight on is free; not where another robot stands on that way."""
+    mates = {1: (-0.6, 0.0)} if is_taken else {}
+    command, _ = lead(Head(), look(START, OPEN, 1.0, mates), came=[(-3.0, 0.5), (-0.4, 0.1)], after=(1,))
+    assert command is not None
+    assert (command.linear.x > 0.0) is is_taken
+    assert (command.angular.z != 0.0) is not is_taken
+
+
+def test_it_goes_back_as_far_as_its_line_is_long() -> None:
+    """A loop on the way is no part of it: 0.8 m for the robot itself and for each one behind it."""
+    loop = [(-3.0, 0.0), (-1.0, 0.0), (-1.0, 2.0), (-1.0, 0.1), (-0.5, 0.0)]
+    head, pose = Head(), START
+    for tick in range(10, 200):
+        command, _ = lead(head, look(pose, OPEN, 0.1 * tick), pose, came=loop, after=(1,))
+        assert command is not None
+        turned = pose.yaw + 0.1 * command.angular.z
+        pose = pose.compose(Pose2(0.1 * command.linear.x, 0.0, 0.1 * command.angular.z))
+        assert abs(pose.y) < 0.3
+        if pose.x < -1.5:
+            break
+    assert pose.x < -1.5
+    assert turned
+
+
+@pytest.mark.parametrize("y", [0.3, -0.3])
+def test_a_new_head_turns_away_from_the_robot_behind_it(y: float) -> None:
+    """By the shorter way: it looked along the line that it followed."""
+    command, _ = lead(Head(), look(START, OPEN, 1.0, {1: (0.8, y)}), after=(1,))
+    assert command is not None
+    assert command.linear.x == 0.0
+    assert command.angular.z * y < 0.0
+
+
+@pytest.mark.parametrize(("ahead", "drives_on"), [(0.65, True), (0.5, False)])
+def test_it_looks_round_a_corner_from_near_the_wall(ahead: float, drives_on: bool) -> None:
+    """A metre before a wall it may see no way to the side where there is one."""
+    command, _ = lead(Head(), look(START, box(0.5, 0.5, 0.05 + ahead, 20.0), 1.0))
+    assert command is not None
+    assert (command.linear.x > 0.0) is drives_on
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_head_of_a_long_line_turns_no_further_than_it_has_to(side: float, seed: int) -> None:
+    """So it goes round a room. That of a short line draws a heading, which is another one for other seeds."""
+    view = look(START, box(2.0 if side > 0.0 else 1.0, 1.0 if side > 0.0 else 2.0, 0.6, 20.0), 1.0, seed=seed)
+    turns = [lead(Head(), view, after=tuple(range(1, count))) for count in (6, 6, 9)]
+    first, *others = [command and command.angular.z for command, _ in turns]
+    assert first is not None
+    assert first * side > 0.0
+    assert others == [first, first]
 
 
 class Leader(Behavior):
@@ -134,7 +194,7 @@ class Leader(Behavior):
     def step(self, view: View) -> Twist:
         own = own_pose(view)
         assert own is not None
-        command, _ = self.head.step(view, own, LineRole(may_turn=True), SPEED, 1.0, self.ends)
+        command, _ = self.head.step(view, own, LineRole(may_turn=True), SPEED, 1.0, Polyline([own[:2]]), self.ends)
         self.hands_over = self.hands_over or command is None
         return command or Twist()
 
