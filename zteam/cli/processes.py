@@ -37,22 +37,12 @@ from zteam.config.toml_values import parse_value
 from zteam.errors import UsageError
 from zteam.geometry import FAR, Pose2
 from zteam.messages.base import BaseOverride
-from zteam.node.process_options import (
-    DEFAULT_FOXGLOVE_PORT,
-    AggregatorOptions,
-    MapOptions,
-    MonitorOptions,
-    NavigatedRobot,
-    NavigationOptions,
-    ProcessOptions,
-    RobotOptions,
-    ViewOptions,
-)
+from zteam.node import process_options
 
 if TYPE_CHECKING:
     from zteam.team.file.entries import Team
 
-Read = tuple[str, Callable[[], ProcessOptions]]
+Read = tuple[str, Callable[[], process_options.ProcessOptions]]
 """The name of a process, and what makes its options once the log is there."""
 _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
@@ -145,7 +135,7 @@ def _add_robot(parser: Parser) -> None:
     text, parse = "set footprint or a limit instead of what base_info tells", partial(parse_param, option="--base")
     add_repeated(parser, "--base", "KEY=VALUE", f"{text}, e.g. {_EXAMPLES['--base']}", type=option_type(parse))
     add_path_option(parser)
-    add_options(parser, RobotOptions)
+    add_options(parser, process_options.RobotOptions)
     add_clock_option(parser)
 
 
@@ -184,7 +174,9 @@ def _read_robot(args: argparse.Namespace) -> Read:
     if spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
     base, where = read_base(args.base), folders_of(args)
-    options = read_options(RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=where)
+    options = read_options(
+        process_options.RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=where
+    )
     return names.robot_name(args.id), lambda: options
 
 
@@ -199,7 +191,7 @@ def _add_navigation(parser: Parser) -> None:
     add_repeated(parser, "--param", "NODE.NAME=VALUE", text)
     text = "how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all"
     add_option(parser, "--localizer", choices=("amcl", "fake", "none"), help=text)
-    add_options(parser, NavigationOptions)
+    add_options(parser, process_options.NavigationOptions)
     add_clock_option(parser)
 
 
@@ -221,7 +213,7 @@ def _navigation_table(args: argparse.Namespace) -> dict[str, Any]:
     return table
 
 
-def _navigation_options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
+def _navigation_options(args: argparse.Namespace, ids: Iterable[int]) -> process_options.NavigationOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team.file.entries import navigation_of
 
@@ -234,15 +226,15 @@ def _navigation_options(args: argparse.Namespace, ids: Iterable[int]) -> Navigat
     for robot_id in ids:
         entry = entries.get(robot_id)
         if entry is None:
-            robots[robot_id] = NavigatedRobot(given)
+            robots[robot_id] = process_options.NavigatedRobot(given)
             continue
         own = navigation_of(entry) or {}
         folder = Path(args.team).parent if own.get("params") is not None and args.params is None else Path()
         source = f"{args.team}: robot {robot_id}, navigation"
         # What the command line gives for a node joins what the file gives for it.
         nodes = {node: {**own[node], **table} for node, table in given.items() if isinstance(own.get(node), Mapping)}
-        robots[robot_id] = NavigatedRobot({**own, **given, **nodes}, folder, source, entry.base)
-    return NavigationOptions(robots, args.seed)
+        robots[robot_id] = process_options.NavigatedRobot({**own, **given, **nodes}, folder, source, entry.base)
+    return process_options.NavigationOptions(robots, args.seed)
 
 
 def _add_map(parser: Parser) -> None:
@@ -254,16 +246,16 @@ def _add_map(parser: Parser) -> None:
 def _add_aggregator(parser: Parser) -> None:
     """`zteam-tf [TEAM.toml]`: merge every robot's transforms into one tree on `tf` and `tf_static`."""
     _add_team_file(parser, "static transforms and robot descriptions")
-    add_options(parser, AggregatorOptions)
+    add_options(parser, process_options.AggregatorOptions)
     add_clock_option(parser)
 
 
-def _aggregator_options(args: argparse.Namespace) -> AggregatorOptions:
+def _aggregator_options(args: argparse.Namespace) -> process_options.AggregatorOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team.launch.plan import aggregator_options
 
     team = _load_team(args)
-    options = aggregator_options(team, Path(args.team).parent) if team else AggregatorOptions()
+    options = aggregator_options(team, Path(args.team).parent) if team else process_options.AggregatorOptions()
     return msgspec.structs.replace(options, rate=args.rate)
 
 
@@ -273,7 +265,7 @@ def _add_monitor(parser: Parser) -> None:
     team, sizes = parser.add_mutually_exclusive_group(), (1, names.MAX_ROBOT_ID + 1, "a whole number")
     add_option(team, "--team-size", typed=sizes, metavar="N", help="wait for this many robots")
     team.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
-    add_options(parser, MonitorOptions)
+    add_options(parser, process_options.MonitorOptions)
     add_go_timeout_option(parser)
     add_clock_option(parser)
 
@@ -283,21 +275,23 @@ def _read_monitor(args: argparse.Namespace) -> Read:
     # Without either it looks at the monitor that runs.
     ids = None if args.ids is None else parse_robot_ids(args.ids, "--ids")
     team_size = len(ids) if ids else args.team_size or 0
-    options = read_options(MonitorOptions, args, team_size=team_size, ids=ids)
+    options = read_options(process_options.MonitorOptions, args, team_size=team_size, ids=ids)
     return names.MONITOR, lambda: options
 
 
 def _add_view(parser: Parser) -> None:
     """`zteam view`: see the team in a browser, and drive it with the mouse (docs/view.md)."""
     parser.add_argument("--foxglove", action="store_true", help="show the team to Foxglove and Lichtblick too")
-    add_options(parser, ViewOptions.from_environment())
-    parser.set_defaults(foxglove_port=DEFAULT_FOXGLOVE_PORT)
+    add_options(parser, process_options.ViewOptions.from_environment())
+    parser.set_defaults(foxglove_port=process_options.DEFAULT_FOXGLOVE_PORT)
     # What a test waits for.
     parser.add_argument("--name", default="", help=argparse.SUPPRESS)
 
 
-def _view_options(args: argparse.Namespace) -> ViewOptions:
-    options = read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
+def _view_options(args: argparse.Namespace) -> process_options.ViewOptions:
+    options = read_options(
+        process_options.ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None
+    )
     return msgspec.structs.replace(options, browser=options.browser and sys.stdout.isatty())
 
 
@@ -305,7 +299,7 @@ _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace],
     "zteam-sim": (_add_simulator, _read_simulator),
     "zteam-robot": (_add_robot, _read_robot),
     "zteam-nav": (_add_navigation, _read_navigation),
-    "zteam-map": (_add_map, lambda args: (names.MAP_SERVER, lambda: MapOptions(Path(args.map)))),
+    "zteam-map": (_add_map, lambda args: (names.MAP_SERVER, lambda: process_options.MapOptions(Path(args.map)))),
     "zteam-tf": (_add_aggregator, lambda args: (names.AGGREGATOR, partial(_aggregator_options, args))),
     "zteam-monitor": (_add_monitor, _read_monitor),
     "zteam-view": (_add_view, lambda args: (names.VIEW, partial(_view_options, args))),

@@ -16,17 +16,7 @@ from zteam.bus import Bus, Publisher
 from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.cli.listening import (
-    NO_KEYS,
-    Waiter,
-    add_timeout,
-    check_key,
-    limit_of,
-    open_bus,
-    silence,
-    wait_for_message,
-    where_to_look,
-)
+from zteam.cli import listening
 from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, add_json, add_option, run_tool
 from zteam.cli.tables import format_message, format_table, in_ms
 from zteam.cli.tool_clock import open_clock, ticker
@@ -45,7 +35,7 @@ _WINDOW = 100
 
 def publish(args: argparse.Namespace) -> None:
     """Publish once, a number of times or until Ctrl+C."""
-    key, kind = check_key(args.key), message_type(args.type)
+    key, kind = listening.check_key(args.key), message_type(args.type)
     if names.is_wildcard(key):
         raise UsageError(f"{args.key!r} is a wildcard: give one key")
     clock: AutoClock | None = None
@@ -61,7 +51,7 @@ def publish(args: argparse.Namespace) -> None:
         raise UsageError(f"{key} carries {known.ros_type}, not {kind.ros_type}")
     message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
-    with open_bus(args) as bus:
+    with listening.open_bus(args) as bus:
         bus.check_right(key)
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
@@ -102,7 +92,7 @@ def _list_subscribers(bus: Bus, key: str, publisher: Publisher[Message], graph: 
 
 def _heard_encoding(bus: Bus, key: str) -> str:
     """The encoding of a message on the key, or of its latched one; empty if none comes."""
-    waiter = Waiter()
+    waiter = listening.Waiter()
     with closing(bus.subscribe_raw(key, waiter.receive, latched=True)):
         waiter.wait(lambda: bool(waiter.received), SURVEY, "")
     return waiter.received[0].encoding if waiter.received else ""
@@ -136,9 +126,9 @@ def build_parser() -> Parser:
     echo.add_argument("--once", action="store_true", help="end after one message")
     echo.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
-    add_timeout(echo, "a message")
+    listening.add_timeout(echo, "a message")
     rate.add_argument("--once", action="store_true", help="end after the first line")
-    add_timeout(rate, "two messages")
+    listening.add_timeout(rate, "two messages")
     pub.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
     text = "fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`"
     pub.add_argument("values", nargs="*", default=[], metavar="'{…}'", help=text)
@@ -153,15 +143,15 @@ def build_parser() -> Parser:
 
 
 def _echo(args: argparse.Namespace) -> None:
-    key, given = check_key(args.key), message_type(args.type) if args.type else None
-    waiter = Waiter()
-    with open_bus(args) as bus:
+    key, given = listening.check_key(args.key), message_type(args.type) if args.type else None
+    waiter = listening.Waiter()
+    with listening.open_bus(args) as bus:
         bus.subscribe_raw(key, waiter.receive, latched=True)
-        wait_for_message(bus, waiter, lambda: bool(waiter.received), args, key)
+        listening.wait_for_message(bus, waiter, lambda: bool(waiter.received), args, key)
         while not (_print_sample(waiter.received.popleft(), given, args) and args.once):
-            limit = limit_of(args)
+            limit = listening.limit_of(args)
             if not waiter.wait(lambda: bool(waiter.received), limit, f"a message on {key}"):
-                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
+                raise ZteamError(f"no message on {key} within {limit:g} s: {listening.silence(bus, key)}")
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
@@ -181,9 +171,9 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 
 
 def _hz(args: argparse.Namespace) -> None:
-    key, waiter = check_key(args.key), Waiter()
+    key, waiter = listening.check_key(args.key), listening.Waiter()
     times, received, shown = deque[float](maxlen=_WINDOW), 0, 0
-    with open_bus(args) as bus:
+    with listening.open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def on_sample(_sample: RawSample) -> None:
@@ -197,7 +187,7 @@ def _hz(args: argparse.Namespace) -> None:
             waiter.notify()
 
         bus.subscribe_raw(key, on_sample)
-        wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
+        listening.wait_for_message(bus, waiter, lambda: len(times) > 1, args, key, "two messages")
 
         def has_news() -> bool:
             return len(times) > 1 and received > shown
@@ -234,22 +224,24 @@ def _rate(row: KeyRow) -> str:
 
 
 def _list(args: argparse.Namespace) -> None:
-    with open_bus(args) as bus:
+    with listening.open_bus(args) as bus:
         rows, _ = find_rows(bus, "**")
     cells = [(r.key, r.type or "?", _rate(r), str(len(r.publishers)), str(len(r.subscribers))) for r in rows]
     table = format_table(("key", "type", "rate", "pubs", "subs"), cells, numbers_from=2)
-    print_json(rows) if args.json else print_block(table if rows else NO_KEYS)
+    print_json(rows) if args.json else print_block(table if rows else listening.NO_KEYS)
 
 
 def _info(args: argparse.Namespace) -> None:
-    key = check_key(args.key)
-    with open_bus(args) as bus:
+    key = listening.check_key(args.key)
+    with listening.open_bus(args) as bus:
         rows, graph = find_rows(bus, key)
         # Those that do not answer have a name too.
         named = Graph((), find_nodes(bus))
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
     if not rows:
-        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, graph.known_keys())}")
+        raise ZteamError(
+            f"nothing publishes {key} or subscribes to it{listening.where_to_look(key, graph.known_keys())}"
+        )
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
         heard = named.name_sessions(row.sources, row.key)

@@ -12,18 +12,8 @@ from typing import Any, NamedTuple
 from zteam import names
 from zteam.config.numbers import counted
 from zteam.errors import UsageError
+from zteam.node import process_options
 from zteam.node.process_node import ClockMode, ProcessNode
-from zteam.node.process_options import (
-    AggregatorOptions,
-    MapOptions,
-    MonitorOptions,
-    NavigationOptions,
-    NodeOptions,
-    ProcessOptions,
-    RobotOptions,
-    SimOptions,
-    ViewOptions,
-)
 
 log = logging.getLogger("zteam")
 
@@ -41,7 +31,7 @@ class Part(NamedTuple):
     """Its name on the bus, if that is not the one of its log."""
 
 
-def _simulator(options: SimOptions) -> Part:
+def _simulator(options: process_options.SimOptions) -> Part:
     from zteam.simulator.process.node import run_simulator
     from zteam.simulator.world import add_robot, load_world
 
@@ -57,7 +47,7 @@ def _simulator(options: SimOptions) -> Part:
     return Part(lambda node: run_simulator(node, world, robots, options))
 
 
-def _map_server(options: MapOptions) -> Part:
+def _map_server(options: process_options.MapOptions) -> Part:
     from zteam.navigation.map_server import run_map_server
     from zteam.navigation.planning.maps import read_map
 
@@ -65,7 +55,7 @@ def _map_server(options: MapOptions) -> Part:
     return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")
 
 
-def _aggregator(options: AggregatorOptions) -> Part:
+def _aggregator(options: process_options.AggregatorOptions) -> Part:
     from zteam.node.node import Node
     from zteam.transforms.process.node import run_aggregator
     from zteam.transforms.urdf import read_description
@@ -74,7 +64,7 @@ def _aggregator(options: AggregatorOptions) -> Part:
     return Part(lambda node: run_aggregator(node, options, descriptions), Node, small=True)
 
 
-def monitor_part(options: MonitorOptions, say: Callable[[str], None] | None = None) -> Part:
+def monitor_part(options: process_options.MonitorOptions, say: Callable[[str], None] | None = None) -> Part:
     """A monitor; `say(line)` prints its events where several nodes share a standard output."""
     from zteam.monitor.process.display import Lines
     from zteam.monitor.process.node import run_monitor
@@ -82,7 +72,7 @@ def monitor_part(options: MonitorOptions, say: Callable[[str], None] | None = No
     return Part(lambda node: run_monitor(node, options, say and Lines(say)), small=True)
 
 
-def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
+def robot_part(options: process_options.RobotOptions, transforms: Any = None) -> Part:
     """A robot. The robots of one process share `transforms` (`zteam.robot.process.inputs.TransformInputs`)."""
     from zteam.node.node import Node
     from zteam.robot.behaviors.registry import find_behavior, load_behavior, look_in
@@ -95,7 +85,7 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
     return Part(lambda node: run_robot(node, kind, options, transforms), Node, small=True)
 
 
-def _navigation(options: NavigationOptions) -> Part:
+def _navigation(options: process_options.NavigationOptions) -> Part:
     from zteam.navigation.planning.parameters import navigation_of_robot
     from zteam.navigation.process.node import NavigationNode
     from zteam.node.node import Node
@@ -113,7 +103,7 @@ def _navigation(options: NavigationOptions) -> Part:
     return Part(lambda node: NavigationNode(node, parameters, bases, options.seed).run(), Node)
 
 
-def _view(options: ViewOptions) -> Part:
+def _view(options: process_options.ViewOptions) -> Part:
     from zteam.view.node import run_view
 
     if options.foxglove_port is not None:
@@ -124,7 +114,7 @@ def _view(options: ViewOptions) -> Part:
     return Part(lambda node: run_view(node, options, say), small=True, name=name)
 
 
-def _own_node(options: NodeOptions) -> Part:
+def _own_node(options: process_options.NodeOptions) -> Part:
     from zteam.node.node import Node, stepping
     from zteam.robot.behaviors.registry import look_in
     from zteam.team.launch.own_behaviors import find_body
@@ -134,17 +124,17 @@ def _own_node(options: NodeOptions) -> Part:
 
 
 _MAKERS: dict[type, Callable[[Any], Part]] = {
-    SimOptions: _simulator,
-    MapOptions: _map_server,
-    AggregatorOptions: _aggregator,
-    MonitorOptions: monitor_part,
-    RobotOptions: robot_part,
-    NavigationOptions: _navigation,
-    ViewOptions: _view,
-    NodeOptions: _own_node,
+    process_options.SimOptions: _simulator,
+    process_options.MapOptions: _map_server,
+    process_options.AggregatorOptions: _aggregator,
+    process_options.MonitorOptions: monitor_part,
+    process_options.RobotOptions: robot_part,
+    process_options.NavigationOptions: _navigation,
+    process_options.ViewOptions: _view,
+    process_options.NodeOptions: _own_node,
 }
 
 
-def part_of(options: ProcessOptions) -> Part:
+def part_of(options: process_options.ProcessOptions) -> Part:
     """What a process with these options does. Raises ZteamError, and what the code of a user's behaviour raises."""
     return _MAKERS[type(options)](options)

@@ -169,10 +169,10 @@ class Head:
                 return command, "" if share else reason
             self._back, gives_up = None, False
             self._anchors = [(own[:2], view.now)] * len(PROGRESS)
-            for at in self._behind(view, role):
-                if at.x > 0.0:
-                    # A new head mostly looks along its line.
-                    self._heading = normalize_angle(own.yaw + math.atan2(-at.y, -at.x))
+            behind = view.base_from_robot(role.after[0]) if role.after else None
+            if behind is not None and behind[0].x > 0.0:
+                # A new head mostly looks along its line.
+                self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
         if gives_up:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
@@ -196,11 +196,10 @@ class Head:
             if turn is None and CLOSER < ahead < FREE:
                 return Twist(Vector3(speed * share)), "" if share else reason
             if turn is None and min(ahead, unknown) < FREE:
-                # Where the other end of its line has found none either, also past its own line.
+                # Before that the other end may have a way, and this one would lead past its own line.
                 is_new = role.turns > 0 and view.now - self._since < LATELY
-                line = [(0.5 * at.x, 0.5 * at.y) for at in self._behind(view, role)]
-                if self._escape.leave(view, [*shunned, *line]) or (
-                    is_new and (self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view)))
+                if (is_new or ahead >= FREE) and (
+                    self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))
                 ):
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
                 if ahead < FREE and view.now - self._since > FIRST:
@@ -226,11 +225,6 @@ class Head:
                 return None
         command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
         return self._escape.free(view, command, way if speed else ())
-
-    def _behind(self, view: View, role: LineRole) -> list[Pose2]:
-        """Where the robot behind is, in the base frame, if it is seen."""
-        seen = view.base_from_robot(role.after[0]) if role.after else None
-        return [] if seen is None else [seen[0]]
 
     def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float, *, is_long: bool) -> bool:
         if ahead < FREE:

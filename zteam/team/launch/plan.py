@@ -17,22 +17,8 @@ import msgspec
 from zteam import names
 from zteam.config.fault import Fault
 from zteam.errors import UsageError, did_you_mean
-from zteam.node import kinds
+from zteam.node import kinds, process_options
 from zteam.node.launcher import Report
-from zteam.node.process_options import (
-    LOCKSTEP_TIMEOUT,
-    AggregatorOptions,
-    LockStepOptions,
-    MapOptions,
-    MonitorOptions,
-    NavigatedRobot,
-    NavigationOptions,
-    ProcessOptions,
-    RobotOptions,
-    SimOptions,
-    ViewOptions,
-    to_line,
-)
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.means import choose_plan
 from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of, static_transform
@@ -87,7 +73,7 @@ class Pace(msgspec.Struct, frozen=True):
     speed: str | None = None
     """As on the command line: a number or `max`; None = the simulator's default."""
     lockstep: bool = False
-    timeout: float = LOCKSTEP_TIMEOUT
+    timeout: float = process_options.LOCKSTEP_TIMEOUT
     """Host seconds until lock-step leaves a silent participant behind."""
     expect: tuple[str, ...] = ()
     """Participants besides the team's own that the first tick of lock-step waits for."""
@@ -108,7 +94,7 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     until: int | None = None
     """The run ends before this tick."""
     pace: Pace = Pace()
-    view: ViewOptions | None = None
+    view: process_options.ViewOptions | None = None
     """None: the team is started without one."""
     faults: tuple[Fault, ...] = ()
     """On purpose; of those, the simulator carries out in lock-step what it can."""
@@ -141,20 +127,22 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         return self.run_for is not None or self.until is not None
 
 
-def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
+def aggregator_options(team: Team, folder: Path) -> process_options.AggregatorOptions:
     """What the aggregator publishes of a team file in this folder."""
     configured = tuple(static_transform(entry) for entry in team.static_transforms)
-    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
+    return process_options.AggregatorOptions(
+        configured, {r.id: folder / r.description for r in team.robots if r.description}
+    )
 
 
-def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
+def options_of(launch: TeamLaunch) -> dict[str, process_options.ProcessOptions]:
     """What each process is told, by name, in the order of starting; without the router, which has chosen the port."""
     told, team, pace = _told_beside_simulator(launch), launch.team, launch.pace
     if launch.world is None:
         # The robots are real.
         return told
     speed = pace.speed or ("max" if pace.lockstep else "1")
-    simulator = SimOptions(
+    simulator = process_options.SimOptions(
         world=launch.world,
         seed=launch.seed,
         has_map=team.team.map is None,
@@ -166,32 +154,32 @@ def options_of(launch: TeamLaunch) -> dict[str, ProcessOptions]:
         until=launch.until,
         speed=None if speed == "max" else float(speed),
         paused=pace.paused,
-        lockstep=LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
+        lockstep=process_options.LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
         faults=tuple(filter(launch.is_simulated, launch.faults)),
     )
     return {names.SIMULATOR: simulator, **told}
 
 
-def _told_beside_simulator(launch: TeamLaunch) -> dict[str, ProcessOptions]:
-    team, told = launch.team, dict[str, ProcessOptions]()
+def _told_beside_simulator(launch: TeamLaunch) -> dict[str, process_options.ProcessOptions]:
+    team, told = launch.team, dict[str, process_options.ProcessOptions]()
     # Paths of the team file are relative to it.
     folder = launch.team_file.parent if launch.team_file else Path()
     if team.team.map:
         # In the place of the simulator's own map.
-        told[names.MAP_SERVER] = MapOptions(folder / team.team.map)
+        told[names.MAP_SERVER] = process_options.MapOptions(folder / team.team.map)
     told[names.AGGREGATOR] = aggregator_options(team, folder)
-    told[names.MONITOR] = MonitorOptions(len(team.driven), tuple(robot.id for robot in team.driven))
+    told[names.MONITOR] = process_options.MonitorOptions(len(team.driven), tuple(robot.id for robot in team.driven))
     navigated = {
-        robot.id: NavigatedRobot(table, folder, f"robot {robot.id}, navigation", robot.base)
+        robot.id: process_options.NavigatedRobot(table, folder, f"robot {robot.id}, navigation", robot.base)
         for robot in sorted(team.robots, key=lambda robot: robot.id)
         if (table := navigation_of(robot)) is not None
     }
     if navigated:
         # One process for all of them: they share the map.
-        told[names.navigation_name(min(navigated))] = NavigationOptions(navigated, launch.seed)
+        told[names.navigation_name(min(navigated))] = process_options.NavigationOptions(navigated, launch.seed)
     for robot in team.driven:
         spec, params = behavior_of(robot)
-        told[names.robot_name(robot.id)] = RobotOptions(
+        told[names.robot_name(robot.id)] = process_options.RobotOptions(
             robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=(*team.folders, "")
         )
     if launch.view is not None:
@@ -227,8 +215,10 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     jobs, optional = dict[str, Job](), set[str]()
     for name, options in options_of(launch).items():
-        jobs[name] = Job(MEMBER, words=to_line(name, options), restarts=restarts.get(name, launch.restarts))
-        if isinstance(options, ViewOptions):
+        jobs[name] = Job(
+            MEMBER, words=process_options.to_line(name, options), restarts=restarts.get(name, launch.restarts)
+        )
+        if isinstance(options, process_options.ViewOptions):
             # A view takes no part in the run: it may end, and a new one changes nothing.
             learn = partial(_keep_page, name, options)
             jobs[name] = msgspec.structs.replace(jobs[name], restarts=True, may_end=True, learn=learn)
@@ -269,13 +259,13 @@ def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
     return msgspec.structs.replace(launch, faults=faults)
 
 
-def _keep_page(name: str, options: ViewOptions, job: Job, report: Report) -> Job | None:
+def _keep_page(name: str, options: process_options.ViewOptions, job: Job, report: Report) -> Job | None:
     """A view that is started again has the port and the token of its first page, so open pages find it."""
     if report.page is None:
         return None
     port = options.port if options.public_url else report.page.port
     again = msgspec.structs.replace(options, port=port, token=report.page.token, browser=False)
-    return msgspec.structs.replace(job, words=to_line(name, again))
+    return msgspec.structs.replace(job, words=process_options.to_line(name, again))
 
 
 PYTHON = ("python", "python3")
