@@ -107,13 +107,15 @@ class Row:
 
     def note_walls(self, place: Point2, are_there: bool = True) -> None:
         """Whether walls are on both sides of this place."""
-        self._cells[_cell_at(place)] = are_there
+        cell = _cell_at(place)
+        self._cells[cell] = are_there or bool(self._cells.get(cell))
 
     def is_between_walls(self, place: Point2) -> bool:
         """Whether walls are on both sides there, or beside it, as was noted, and not only as in a corner of a room."""
-        at = _cell_at(place)
-        about = [self._cells.get(cell) for cell in _beside(at, ABOUT)]
-        return any(map(self._cells.get, _beside(at))) and about.count(False) < MOST * (len(about) - about.count(None))
+        if not any(map(self._cells.get, _beside(_cell_at(place)))):
+            return False
+        about = [self._cells.get(cell) for cell in _beside(_cell_at(place), ABOUT)]
+        return about.count(False) < MOST * (len(about) - about.count(None))
 
     def find_ahead(
         self, view: View, head: int, members: Collection[int], ahead: int, turns: int, *, is_new: bool = False
