@@ -158,7 +158,7 @@ RUNS: dict[str, Callable[[], Run]] = {
             on_x(-2 * GAP, Led(follower(2), Commanded((0.0, QUARTER, 20), (0.0, 0.0, 10), (0.4, 0.0, 60)))),
         ],
         150, [], {59: hand_over},
-        ways=[(1.704, 0.162, 5.534), (0.956, 0.013, 5.376), (0.127, 0.0, 5.174)],
+        ways=[(1.675, 0.141, 5.524), (0.926, 0.018, 5.377), (0.127, 0.0, 5.174)],
     ),
     "a robot behind a wall goes back over its own way": lambda: Run(
         [
@@ -180,8 +180,8 @@ RUNS: dict[str, Callable[[], Run]] = {
     ),
     "a line hands over in a dead end and gets out": lambda: Run(
         line(load_behavior("wander", {}, 0), 3, 3.0), 300, corridor(1.4, 0.0, 4.0, closed=True),
-        ways=[(2.293, 0.049, 5.323), (1.552, -0.004, 5.049), (0.802, -0.004, 5.25)],
-        said="hands over to the other end of the line; obstacle ahead; robot_0 ahead; robot_1 ahead",
+        ways=[(0.094, -0.223, 9.374), (-0.682, -0.254, 9.411), (-1.475, -0.29, 9.566)],
+        said="hands over to the other end of the line; makes room for robot_1",
     ),
     "a head that was set down behind its line is followed by the last robot": lambda: Run(
         [(Pose2(-2.8, 0.6, math.pi), Commanded((0.3, 0.0, 60))), *line(Commanded(), 4)[1:]], 66,
@@ -190,8 +190,8 @@ RUNS: dict[str, Callable[[], Run]] = {
     ),
     "a robot that was passed passes again": lambda: Run(
         line(load_behavior("wander", {}, 0), 3), 200, [], {60: place(1, Pose2(-1.9, 0.3, 0.0))},
-        ways=[(1.97, 0.013, 4.293), (0.683, 0.018, 8.258), (0.946, -0.341, 5.645)],
-        said="hands over to the other end of the line; robot_1 ahead; robot_2 ahead; waits for robot_1 behind it",
+        ways=[(2.709, 0.084, 5.545), (1.061, 0.28, 9.37), (0.996, 0.0, 5.322)],
+        said="robot_1 ahead; waits for robot_1 behind it",
     ),
     "a line of four by the lectures' law stands before a wall": lambda: Run(
         [
@@ -211,7 +211,7 @@ RUNS: dict[str, Callable[[], Run]] = {
     ),
     "a formation makes way for a leader that turns in a dead end": lambda: Run(
         [on_x(0.0, Commanded((0.0, 1.0, 120))), *formation(3, "column")], 120, box(-12.0, -0.9, 1.0, 0.9),
-        ways=[(0.0, 0.0, 0.0), (-1.048, 0.166, 0.868), (-1.737, -0.094, 0.928)],
+        ways=[(0.0, 0.0, 0.0), (-1.048, 0.166, 0.868), (-1.735, -0.092, 0.949)],
         said="in its slot; leader robot_0 stands; it cannot see ahead; it cannot see behind; makes room for robot_0; "
         "makes room for robot_1; makes way: robot_0 turns back",
     ),

@@ -54,6 +54,18 @@ def test_what_was_noted_between_walls_is_found_beside_it_too() -> None:
     assert not row.is_between_walls((0.6, 0.0))
 
 
+@pytest.mark.parametrize(("open_cells", "narrow"), [(4, True), (8, False)])
+def test_a_corner_of_a_room_is_not_between_walls(open_cells: int, narrow: bool) -> None:
+    """Most of the ground about it is open. What was narrow once stays so, whichever way the robot looks there."""
+    row = Row()
+    for cell in range(2):
+        row.note_walls((0.2 * cell, 0.0))
+        row.note_walls((0.2 * cell, 0.0), False)
+    for cell in range(open_cells):
+        row.note_walls((0.5 + 0.2 * (cell % 4), 0.5 + 0.2 * (cell // 4)), False)
+    assert row.is_between_walls((0.1, 0.1)) is narrow
+
+
 def test_the_oldest_ways_are_forgotten() -> None:
     """A robot that has not moved while another one drove a kilometre is on no way any more."""
     row = Row()
