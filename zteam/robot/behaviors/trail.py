@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
@@ -122,11 +121,9 @@ LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
 STALE, REMEMBERED = 1.0, to_ns(90.0)
 """Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
-KNOT, FRUITLESS, LOOSENS = 0.5, 3, 0.03
-"""A robot that has not come so many metres since so many turns of its line, or in too long a time, may be what holds
-it: with this chance in a step it makes room for the others, wherever there is some."""
-STANDS, CIRCLED = to_ns(24.0), to_ns(3.0)
-"""Nanoseconds that are too long, and that are too long in a circle of robots of which each waits for the next one."""
+KNOT, STANDS, LOOSENS = 0.5, to_ns(24.0), 0.03
+"""A robot that has not come so many metres in so many nanoseconds may be what holds its line: with this chance in a
+step it makes room for the others, wherever there is some."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
@@ -205,8 +202,8 @@ class Trail:
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
         self._got_on: tuple[int, float] | None = None
         """When (ns) and where on the trail it got on last on its way past a lost head; None: it is past."""
-        self._stood: tuple[Point2, int, int] = (math.inf, math.inf), 0, 0
-        """Where it got on last, when (ns), and how often the line had turned then."""
+        self._stood: tuple[Point2, int] = (math.inf, math.inf), 0
+        """Where it got on last, and when (ns)."""
         self._loosens = False
         """Whether it makes room in a knot."""
         self._passed = 0
@@ -214,7 +211,7 @@ class Trail:
 
     def release(self) -> None:
         """It was stopped, or did not see its head: the time for which it stood does not count."""
-        self._stood = (math.inf, math.inf), 0, 0
+        self._stood = (math.inf, math.inf), 0
         self.rest()
 
     def rest(self) -> None:
@@ -265,14 +262,12 @@ class Trail:
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
         if math.dist(own[:2], self._stood[0]) > KNOT:
-            self._stood = own[:2], view.now, role.turns
+            self._stood = own[:2], view.now
         elif self._is_parked:
             # In its place behind a head that stands.
-            self._stood = self._stood[0], view.now, self._stood[2]
-        _, since, turns = self._stood
+            self._stood = self._stood[0], view.now
         # Behind a head that keeps its place a robot may have reason to stand.
-        stands = role.may_turn and view.now - since
-        is_held = role.turns - turns >= FRUITLESS or stands > STANDS or (stands > CIRCLED and is_in_circle(view))
+        is_held = role.may_turn and view.now - self._stood[1] > STANDS
         if is_held and not self._escape.is_moving and view.random(0) < LOOSENS:
             self._loosens = self._escape.leave(view)
         self._loosens = self._loosens and self._escape.is_moving
@@ -393,16 +388,6 @@ def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
     there, off = path.near(own, here + AHEAD, path.end)
     comes_back = there > here + AHEAD and off < ASIDE and path.near(ahead, here, there)[1] > OFF
     return there if comes_back else here
-
-
-def is_in_circle(view: View) -> bool:
-    """Whether the robot waits for itself, directly or through others: each one has the next one in its way."""
-    statuses = view.inputs.get("statuses") or {}
-    needs = {
-        robot: status.waits_for if status.blocked_by < 0 else status.blocked_by for robot, status in statuses.items()
-    }
-    chain = chain_from(view.robot_id, {robot: other for robot, other in needs.items() if other >= 0})
-    return len(chain) > 1 and chain[-1] == view.robot_id
 
 
 def find_silent(view: View, role: LineRole) -> int | None:
