@@ -28,7 +28,7 @@ _HEADINGS = np.array([(x, y, yaw := math.atan2(y, x), math.cos(yaw), math.sin(ya
 AWAY, LEAST_AWAY = 1.0, 0.6
 """Metres that it leads away without a way, if there is room, and that it does at least."""
 BESIDE = 0.9
-"""Metres from teammates, which wait for the robot or come after it, and from other places, that it leads to then."""
+"""Metres from teammates, which wait for the robot or come after it, that it leads to then."""
 
 
 class Move(NamedTuple):
@@ -47,11 +47,10 @@ def _from_frame(pose: Pose2, points: NDArray[np.floating[Any]]) -> NDArray[np.fl
 
 
 def find_moves(
-    view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]],
-    shunned: Sequence[Point2] = (),
-) -> list[Move]:  # fmt: skip
-    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here, from the
-    teammates and from the places `shunned`. Empty if none do.
+    view: View, hits: NDArray[np.float64], way: Sequence[Point2], failed: Iterable[tuple[int, Pose2]]
+) -> list[Move]:
+    """The moves that bring the robot to the end of `way`, or nearer to that; without a way, away from here and from the
+    teammates. Empty if none do.
 
     `hits` (2, n) are on what stands around besides the teammates. `failed`: moves that did not work, and where: none
     like them is tried near there. All is in the robot's base frame now.
@@ -62,7 +61,7 @@ def find_moves(
     borders = [_from_frame(mate.pose, outline_of(mate.base.footprint).border) for mate in near_mates]
     found = kernels.find_moves(
         outline.rows, outline.radius, np.hstack([hits, *borders]).T, hits.shape[1], way,
-        [*shunned, *(mate.pose[:2] for mate in view.teammates)], [(kind, *pose) for kind, pose in failed],
+        [mate.pose[:2] for mate in view.teammates], [(kind, *pose) for kind, pose in failed],
         _HEADINGS, CELL, (AWAY, LEAST_AWAY, BESIDE),
     )  # fmt: skip
     return [Move(int(kind), Pose2(x, y, yaw)) for kind, x, y, yaw in found.tolist()]
@@ -161,14 +160,14 @@ class Escape:
             self._stuck_at, self._looks_at = None, now + RESTS
         return freed or command
 
-    def leave(self, view: View, shunned: Sequence[Point2] = ()) -> bool:
-        """Whether there is a way away from here, and not to places `shunned` (base frame); `free` then takes it."""
+    def leave(self, view: View) -> bool:
+        """Whether there is a way away from here; `free` then takes it."""
         own = None if view.odom is None else pose2_of(view.odom.pose.pose)
         if own is None:
             return False
         self._asked = view.now
         self._look_round(view, own)
-        self._find(view, own, (), shunned)
+        self._find(view, own, ())
         # At its end nothing is left to do.
         self._stuck_at = (math.inf, math.inf) if self._moves else None
         return bool(self._moves)
@@ -185,13 +184,13 @@ class Escape:
         self._seen = [each for each in self._seen if view.now - each[0] < KEPT]
         self._seen.append((view.now, _from_frame(own, hits)))
 
-    def _find(self, view: View, own: Pose2, way: Sequence[Point2], shunned: Sequence[Point2] = ()) -> None:
+    def _find(self, view: View, own: Pose2, way: Sequence[Point2]) -> None:
         """Find moves along a way."""
         self._failed = [each for each in self._failed if view.now - each[0] < KEPT]
         to_base = own.inverse()
         hits = _from_frame(to_base, np.hstack([np.empty((2, 0)), *(seen for _, seen in self._seen)]))
         failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
-        found = find_moves(view, hits, way, failed, shunned)
+        found = find_moves(view, hits, way, failed)
         self._moves = [Move(kind, own.compose(end)) for kind, end in found]
         self._left, self._since = math.inf, view.now
 

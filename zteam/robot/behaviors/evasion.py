@@ -108,8 +108,6 @@ GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
 LATELY = to_ns(15.0)
 """Nanoseconds after a turn of its line in which it looks for a way between the others: the other end has found none."""
-BEFORE_END = 0.8
-"""Metres before a dead end at which it looks for another way: there is one that it has not seen in time else."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 AT_END, OUT, ON_WAY = 0.1, 0.9, 0.5
@@ -140,11 +138,9 @@ class Head:
         self._since = None
 
     def step(
-        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, came: Polyline,
-        ends: Sequence[Point2] = (),
-    ) -> tuple[Twist | None, str]:  # fmt: skip
-        """The velocity, and why it is zero; None where it is to hand over. It `came` on this way (map). Of several ways
-        it takes one that does not lead to a dead end: where its line has turned, at the places `ends` (map)."""
+        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, came: Polyline
+    ) -> tuple[Twist | None, str]:
+        """The velocity, and why it is zero; None where it is to hand over. It `came` on this way (map)."""
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
@@ -182,29 +178,25 @@ class Head:
             # It finds no way while its line is not there.
             self._escape.rest()
             return Twist(), reason
-        shunned, is_long = [own.locate(*end) for end in ends], len(role.after) >= LONG
+        is_long = len(role.after) >= LONG
         if self._escape.is_moving:
-            turn = self._draw(view, scan, shunned, is_long=is_long) if ahead > NARROW else None
+            turn = self._draw(view, scan, is_long=is_long) if ahead > NARROW else None
             if turn is None or abs(turn) > ON_THE_SPOT:
                 return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
             self._escape.rest()
             self._drawn_at, self._heading = own, normalize_angle(own.yaw + turn)
-        unknown = _room_before(shunned, 0.0)
-        if self._heading is None and self._wants_another(view, own, ahead, unknown, is_long=is_long):
+        if self._heading is None and self._wants_another(view, own, ahead, is_long=is_long):
             self._drawn_at = own
-            turn = self._draw(view, scan, shunned, is_long=is_long)
+            turn = self._draw(view, scan, is_long=is_long)
             if turn is None and CLOSER < ahead < FREE:
                 return Twist(Vector3(speed * share)), "" if share else reason
-            if turn is None and min(ahead, unknown) < FREE:
+            if turn is None and ahead < FREE:
                 # Before that the other end may have a way, and this one would lead past its own line.
-                is_new = role.turns > 0 and view.now - self._since < LATELY
-                if (is_new or ahead >= FREE) and (
-                    self._escape.leave(view, shunned) or (ahead < FREE and self._escape.leave(view))
-                ):
+                if role.turns > 0 and view.now - self._since < LATELY and self._escape.leave(view):
                     return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
-                if ahead < FREE and view.now - self._since > FIRST:
+                if view.now - self._since > FIRST:
                     return None, ""
-                turn = math.pi if ahead < FREE else 0.0
+                turn = math.pi
             self._heading = normalize_angle(own.yaw + (turn or 0.0))
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
@@ -226,20 +218,20 @@ class Head:
         command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
         return self._escape.free(view, command, way if speed else ())
 
-    def _wants_another(self, view: View, own: Pose2, ahead: float, unknown: float, *, is_long: bool) -> bool:
+    def _wants_another(self, view: View, own: Pose2, ahead: float, *, is_long: bool) -> bool:
         if ahead < FREE:
             return True
-        if math.dist(own[:2], self._drawn_at[:2]) < EVERY:
+        if is_long or math.dist(own[:2], self._drawn_at[:2]) < EVERY:
             return False
         self._drawn_at = own
-        return unknown < FREE or (not is_long and view.random(0) < CHANCE)
+        return view.random(0) < CHANCE
 
-    def _draw(self, view: View, scan: LaserScan, shunned: Sequence[Point2], *, is_long: bool) -> float | None:
+    def _draw(self, view: View, scan: LaserScan, *, is_long: bool) -> float | None:
         """Of the headings with enough room one (rad), the likelier the more room and the less to the side; in a long
         line the one that is the least to the side."""
         best, most = None, -math.inf
         for draw, heading in enumerate(HEADINGS, 1):
-            room = min(self._room(view, scan, heading), _room_before(shunned, heading))
+            room = self._room(view, scan, heading)
             if room <= ROOMY or not is_seen(scan, heading):
                 continue
             weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
@@ -258,16 +250,6 @@ class Head:
             if along > 0.0 and abs(across) < MATE:
                 room = min(room, along)
         return room
-
-
-def _room_before(places: Sequence[Point2], heading: float) -> float:
-    """Metres towards a heading (rad) before it comes near one of these places of the base frame."""
-    room = math.inf
-    for x, y in places:
-        along, across = math.cos(heading) * x + math.sin(heading) * y, math.cos(heading) * y - math.sin(heading) * x
-        if along > 0.0 and abs(across) < MATE:
-            room = min(room, along - BEFORE_END)
-    return room
 
 
 NEAR, MET = 0.58, 1.0

@@ -119,8 +119,6 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
-STALE, REMEMBERED = 1.0, to_ns(90.0)
-"""Seconds: an older pose of the robot that led is none; and nanoseconds for which a dead end is remembered."""
 KNOT, STANDS, LOOSENS = 0.5, to_ns(24.0), 0.03
 """A robot that has not come so many metres in so many nanoseconds may be what holds its line: with this chance in a
 step it makes room for the others, wherever there is some."""
@@ -419,10 +417,6 @@ class LineMember(Behavior):
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
-        self._led_by, self._turns_before = -1, 0
-        """Which robot led its line in the last step, and how often the line had turned."""
-        self._ends: dict[Point2, int] = {}
-        """Where in map its line has turned lately, and when (ns)."""
 
     @property
     def _may_turn(self) -> bool:
@@ -455,7 +449,6 @@ class LineMember(Behavior):
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
         self._trail.note(own)
-        self._note_end(view, own, role)
         # What it does as the other one does not count: to lead, or to follow.
         (self._trail if role.ahead is None else self._head).rest()
         return own
@@ -472,26 +465,13 @@ class LineMember(Behavior):
         command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, limits)
         return command
 
-    def _note_end(self, view: View, own: Pose2, role: LineRole) -> None:
-        """Remember where the robot was that led the line, if that has turned: there may be no way on."""
-        if role.turns != self._turns_before and self._led_by >= 0:
-            at = (
-                Seen(own, 0)
-                if self._led_by == view.robot_id
-                else see_robot(view, self._led_by, names.MAP_FRAME, STALE)[0]
-            )
-            self._ends = {end: since for end, since in self._ends.items() if view.now - since < REMEMBERED}
-            if at is not None:
-                self._ends[at.pose[:2]] = view.now
-        self._turns_before, self._led_by = role.turns, role.before[-1] if role.before else view.robot_id
-
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
         self._trail.forget()
-        command, self.reason = self._head.step(view, own, role, speed, turn_rate, self._trail.own_way, list(self._ends))
+        command, self.reason = self._head.step(view, own, role, speed, turn_rate, self._trail.own_way)
         if command is not None:
             return command
         self._head.rest()

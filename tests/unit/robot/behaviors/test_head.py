@@ -187,16 +187,14 @@ class Leader(Behavior):
 
     uses_tf = True
 
-    def __init__(self, ends: Sequence[tuple[float, float]] = ()) -> None:
+    def __init__(self) -> None:
         super().__init__(NoParams())
-        self.head, self.ends, self.handed_over = Head(), ends, 0
+        self.head, self.handed_over = Head(), 0
 
     def step(self, view: View) -> Twist:
         own = own_pose(view)
         assert own is not None
-        command, _ = self.head.step(
-            view, own, LineRole(may_turn=True, turns=1), SPEED, 1.0, Polyline([own[:2]]), self.ends
-        )
+        command, _ = self.head.step(view, own, LineRole(may_turn=True, turns=1), SPEED, 1.0, Polyline([own[:2]]))
         if command is None:
             self.handed_over += 1
             self.head.rest()
@@ -220,19 +218,3 @@ def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_a
     assert side * track[-1].y > 2.6
     assert leader.handed_over < 2
     assert min(clearance(pose, walls) for pose in track) > 0.12
-
-
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("known", [False, True])
-def test_of_two_ways_it_takes_the_one_that_is_no_dead_end(side: int, known: bool) -> None:
-    """Straight on its line has turned before. The way beside is too narrow to be looked at without a need."""
-    walls = [
-        (0.0, 0.0, 4.2, 0.0), (0.0, 0.0, 0.0, 0.95), (4.2, 0.0, 4.2, 1.75), (0.0, 0.95, 2.0, 0.95),
-        (2.95, 0.95, 4.2, 0.95), (2.0, 0.95, 2.0, 1.75), (2.0, 1.75, 4.2, 1.75),
-    ]  # fmt: skip
-    floor = Floor([Pose2(0.6, side * 0.475, 0.0)], [(x0, side * y0, x1, side * y1) for x0, y0, x1, y1 in walls])
-    leader, track = Leader([(3.8, side * 0.475)] if known else []), [floor.poses[0]]
-    while len(track) < 300 and track[-1].x < 3.1 and side * track[-1].y < 1.15:
-        floor.step([leader])
-        track.append(floor.poses[0])
-    assert (side * track[-1].y > 1.15) is known
