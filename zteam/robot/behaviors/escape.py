@@ -91,6 +91,9 @@ LOOKS_ROUND, LOOKS_EACH = to_ns(0.8), to_ns(0.5)
 """Nanoseconds without getting on after which it remembers what it sees, and between two such looks."""
 SEEN, BODY = 2.0, 0.1
 """Metres from the laser up to which it remembers hits, and metres beside a teammate that may be that one."""
+KNOT, STANDS, LOOSENS = 0.5, to_ns(18.0), 0.03
+"""A robot that has not come so many metres in so many nanoseconds may be what holds the others: with this chance in a
+step it makes room for them, wherever there is some."""
 RESTS = to_ns(1.0)
 """Nanoseconds from a search that found no way to the next one."""
 
@@ -103,6 +106,8 @@ class Escape:
         """The heading (rad) or place in odometry from which it has not got on, and since when (ns)."""
         self._stuck_at: Point2 | None = None
         """Where it got stuck, in odometry; None while it is free."""
+        self._stood: tuple[Point2, int] = (math.inf, math.inf), 0
+        """Where in odometry it got on last, and when (ns)."""
         self._asked = self._looks_at = 0
         """When it was asked last, and when it may look for a way again (ns)."""
         self._moves: list[Move] = []
@@ -116,7 +121,7 @@ class Escape:
 
     def rest(self) -> None:
         """That it has not got on until now does not count."""
-        self._stuck_at, self._asked = None, 0
+        self._stuck_at, self._asked, self._stood = None, 0, ((math.inf, math.inf), 0)
 
     @property
     def is_moving(self) -> bool:
@@ -171,6 +176,15 @@ class Escape:
         # At its end nothing is left to do.
         self._stuck_at = (math.inf, math.inf) if self._moves else None
         return bool(self._moves)
+
+    def makes_room(self, view: View, *, counts: bool) -> bool:
+        """Whether the robot leaves a place where it has stood for long. Where it has a reason to stand it does not."""
+        at = (0.0, 0.0) if view.odom is None else pose2_of(view.odom.pose.pose)[:2]
+        if not counts or math.dist(at, self._stood[0]) > KNOT:
+            self._stood = at, view.now
+        if view.now - self._stood[1] > STANDS and not self.is_moving and view.random(0) < LOOSENS:
+            self.leave(view)
+        return self._stuck_at == (math.inf, math.inf)
 
     def _look_round(self, view: View, own: Pose2) -> None:
         """Remember what the laser sees now and then: it does not look behind. Teammates move, and are known."""

@@ -328,6 +328,8 @@ class Formation(LineMember):
             self._before = len(role.before)
             return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
         command, way = self._drive(view, here, slot, target, limits)
+        if self._escape.makes_room(view, counts=not self._is_parked):
+            command, way = Twist(angular=Vector3(z=1.0)), []
         command = self._escape.free(view, command, way)
         if self._escape.is_moving:
             self.reason = "boxed in: leaves its way to its slot"

@@ -119,9 +119,6 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
-KNOT, STANDS, LOOSENS = 0.5, to_ns(24.0), 0.03
-"""A robot that has not come so many metres in so many nanoseconds may be what holds its line: with this chance in a
-step it makes room for the others, wherever there is some."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
@@ -200,20 +197,11 @@ class Trail:
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
         self._got_on: tuple[int, float] | None = None
         """When (ns) and where on the trail it got on last on its way past a lost head; None: it is past."""
-        self._stood: tuple[Point2, int] = (math.inf, math.inf), 0
-        """Where it got on last, and when (ns)."""
-        self._loosens = False
-        """Whether it makes room in a knot."""
         self._passed = 0
         """When it was asked last to drive past one (ns)."""
 
-    def release(self) -> None:
-        """It was stopped, or did not see its head: the time for which it stood does not count."""
-        self._stood = (math.inf, math.inf), 0
-        self.rest()
-
     def rest(self) -> None:
-        """That it did not get on does not count."""
+        """It leads, was stopped, or does not see its head: that it did not get on does not count."""
         self._making_room.rest()
         self._escape.rest()
 
@@ -238,7 +226,7 @@ class Trail:
         head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
         ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
         if head is None or ahead is None:
-            self.release()
+            self.rest()
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._update(view, before, head, own, gap)
         self.ahead.see(own, ahead, view.now)
@@ -259,17 +247,8 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        if math.dist(own[:2], self._stood[0]) > KNOT:
-            self._stood = own[:2], view.now
-        elif self._is_parked:
-            # In its place behind a head that stands.
-            self._stood = self._stood[0], view.now
-        # Behind a head that keeps its place a robot may have reason to stand.
-        is_held = role.may_turn and view.now - self._stood[1] > STANDS
-        if is_held and not self._escape.is_moving and view.random(0) < LOOSENS:
-            self._loosens = self._escape.leave(view)
-        self._loosens = self._loosens and self._escape.is_moving
-        if self._loosens:
+        # In its place, or behind a head that keeps its own, a robot may have reason to stand.
+        if self._escape.makes_room(view, counts=role.may_turn and not self._is_parked):
             return self._escape.free(view, Twist(angular=Vector3(z=1.0))), "is stuck: leaves its way"
         command, does = self._making_room.step(
             view, own, role, gap * len(before), limits, stopped, keeps=alone, driven_on=self.ahead.driven_on,
@@ -430,7 +409,7 @@ class LineMember(Behavior):
 
     def on_release(self) -> None:
         """See Behavior: that it did not get on meanwhile is no reason to hand over or to leave its way."""
-        self._trail.release()
+        self._trail.rest()
         self._head.rest()
 
     def _find_role(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> LineRole:

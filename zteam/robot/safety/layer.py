@@ -140,6 +140,8 @@ GROWTH = 0.25
 """m/s at which the outline of a teammate grows whose pose is old, or its own speed if that is more."""
 MAX_GROWTH = 0.5
 """Metres."""
+BODY = 0.1
+"""Metres beside a teammate within which a hit is on that one."""
 FORGET_AFTER = 5.0
 """Seconds after which a pose says nothing any more: the robot was taken away, or its transforms never come."""
 TOO_FAST = 3.0
@@ -227,6 +229,12 @@ class TeammateTracker:
             else:
                 mate.update(*at, max(0.0, age))
 
+    def discs(self) -> list[tuple[float, float, float]]:
+        """Where those are whose poses are fresh, in the base frame, and about them: x, y and radius (m)."""
+        here, known = self._here, self._known.values()
+        fresh = [(mate, mate.pose) for mate in known if mate.pose is not None and mate.age <= GRACE]
+        return [] if here is None else [(*here.locate(*at[:2]), mate.outline.radius + BODY) for mate, at in fresh]
+
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
         """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
         here = self._here
@@ -293,6 +301,14 @@ class Surroundings:
                     (*view.laser, 0.0), max(REACH, reach), way, way - SPAN,
                 )  # fmt: skip
 
+    def forget(self, discs: Iterable[tuple[float, float, float]]) -> None:
+        """Forget what is known of these discs (x, y and radius, base frame) that the laser does not see wholly: hits on
+        a teammate there, which is told by its pose, would stay when it has driven on."""
+        for x, y, radius in discs:
+            away = math.hypot(x, y)
+            if away < REACH and not self.sight.looks(math.atan2(y, x), radius / max(away, radius)):
+                self._known = self._known.compress(np.hypot(self._known[0] - x, self._known[1] - y) > radius, axis=1)
+
     def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
         """The base is where odometry says; the pose in `odom` by which points are told now."""
         last, pose = self._pose, None if odom is None else pose2_of(odom.pose.pose)
@@ -353,6 +369,8 @@ class SafetyLayer:
         seconds, self._reaction = (max(view.dt, SHORTEST),) * 2 if view.dt else (FIRST_TICK, FIRST)
         if not trouble:
             self._around.update(view, self._limits.longest_way(self._reaction) + self._outline.radius + 0.5)
+            self._mates.look(view)
+            self._around.forget(self._mates.discs())
             trouble = NO_NUMBER if asked is None else ""
         if asked is None or trouble or (reason and asked == STANDING):
             motion = self._limits.brake(self._last, seconds)
@@ -376,7 +394,6 @@ class SafetyLayer:
             return asked, ""
         self._extra = HYSTERESIS if self._held == _way_of(asked) else 0.0
         self._measured = self._limits.measure(self._last, view)
-        self._mates.look(view)
         slow, cause = self._slow_down_unseen(asked, view)
         motion, why = self._avoid(slow)
         cause = why or cause

@@ -63,6 +63,27 @@ def test_one_silent_beam_is_bridged(half_deg: float, speed: float) -> None:
     assert drive(math.nan, half_deg)[-1][0] == speed
 
 
+@pytest.mark.parametrize(("is_mate", "speed"), [(True, -0.2), (False, 0.0)])
+def test_hits_on_a_teammate_do_not_stay_where_no_laser_looks(is_mate: bool, speed: float) -> None:
+    """The robot saw it pass, turned, and it has driven on: the robot backs up. What else stood there may stand there
+    still."""
+    layer, bearing = SafetyLayer(), math.radians(130.0)
+    for tick in range(8):
+        now, yaw = START + tick * TICK, -0.7 if tick else 0.0
+        at = Pose2(0.55 * math.cos(bearing), 0.55 * math.sin(bearing), 0.0) if tick < 3 else Pose2(5.0, 5.0, 0.0)
+        frames = {"robot_0/base_footprint": (Pose2(0.0, 0.0, yaw), now)}
+        frames |= {"robot_1/base_footprint": (at, now)} if is_mate else {}
+        view = make_view(
+            scan_with(0.35 if tick == 0 else 20.0, 4.0, 130.0, now),
+            now=now,
+            team=(0, 1),
+            odom=make_odometry(Pose2(0.0, 0.0, yaw)),
+            lookup=lambda _target, source, frames=frames: frames.get(source),
+        )
+        command, _ = layer.limit(Twist(Vector3(-0.4 if tick > 3 else 0.0)), view)
+    assert command.linear.x == speed
+
+
 def test_a_teammate_explains_dazzled_beams() -> None:
     """Beams around a teammate that stands far ahead are dazzled by its laser: the robot drives on; without the
     teammate, or where the stamp of its pose is 2 s off, they hide the way."""
