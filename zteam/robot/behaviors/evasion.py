@@ -1,7 +1,7 @@
 """How a robot gets past what stands between it and a place, and free where it has no room to turn.
 
-The robot that leads a line drives at random, looks before it turns, and hands over where it is stuck. The robots
-behind it make room for a head that keeps its place, and that may turn back into its line.
+The robot that leads a line goes back on the way on which it came, then drives at random, and hands over where it gets
+on no more. The robots behind it make room for a head that keeps its place, and that may turn back into its line.
 """
 
 import math
