@@ -403,12 +403,12 @@ class Formation(LineMember):
             # Not squeezed: each robot squeezes for itself, and all have to assign alike.
             places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
             self._slots = reassign(self._slots, places, [self._place(slot)[:2] for slot in slots])
-            self._assigned = period
+            begins, self._assigned = self._assigned < 0, period
         rank = self._slots.get(view.robot_id, 0)
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, slots)
-            self._keep_file(view, here, members)
+            self._keep_file(view, here, members, begins=begins)
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
@@ -438,12 +438,18 @@ class Formation(LineMember):
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, poses, mates, left, right, view.base.half_width))
 
-    def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> None:
-        """Be in a file from where walls are on both sides on, until no robot is where they are."""
+    def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2], *, begins: bool) -> None:
+        """Be in a file from where walls are on both sides on, until no robot is where they are. The first of its robots
+        says so, but where it begins: all are in it, or none is."""
         places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
         self._row.look(view, here)
-        around = [here[:2]] if not self.gap else [self._driven.leader[:2], *places.values()]
-        if not any(map(self._row.is_between_walls, around)):
+        first = (view.inputs.get("statuses") or {}).get(min(members))
+        if first is not None and first.robot_id != view.robot_id and not begins:
+            is_narrow = first.gap > 0.0
+        else:
+            around = [self._driven.leader[:2], *places.values()] if self.gap else [here[:2]]
+            is_narrow = any(map(self._row.is_between_walls, around))
+        if not is_narrow:
             self._leave_file()
             return
         is_new = not self.gap

@@ -152,6 +152,14 @@ def test_a_formation_gets_out_of_a_dead_end(seed: int) -> None:
     pytest.fail("it is not out after a minute")
 
 
+def test_all_robots_of_a_formation_are_in_the_file_or_none_is() -> None:
+    """The first of them says it, and the others hear it in its next status, half a second later at most."""
+    apart = [
+        len({behavior.gap for behavior in floor.team[1:]}) > 1 for floor in in_corridor(load_behavior("wander", {}, 0))
+    ]
+    assert not any(all(apart[tick : tick + 8]) for tick in range(len(apart) - 8))
+
+
 def test_a_formation_makes_room_for_a_leader_that_is_driven_out_of_a_dead_end() -> None:
     """One behind the other they stand behind a leader that turns round, and go before it as it comes."""
     *_, floor = in_corridor(Commanded((0.0, 0.5, 63), (0.2, 0.0, 200)))
