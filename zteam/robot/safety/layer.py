@@ -229,11 +229,11 @@ class TeammateTracker:
             else:
                 mate.update(*at, max(0.0, age))
 
-    def discs(self) -> list[tuple[float, float, float]]:
-        """Where those are whose poses are fresh, in the base frame, and about them: x, y and radius (m)."""
-        here, known = self._here, self._known.values()
-        fresh = [(mate, mate.pose) for mate in known if mate.pose is not None and mate.age <= GRACE]
-        return [] if here is None else [(*here.locate(*at[:2]), mate.outline.radius + BODY) for mate, at in fresh]
+    def bodies(self) -> list[tuple[Pose2, Outline]]:
+        """Where those are whose poses are fresh, in the base frame, and what they are like."""
+        to_base = None if self._here is None else self._here.inverse()
+        fresh = [(mate.pose, mate.outline) for mate in self._known.values() if mate.pose and mate.age <= GRACE]
+        return [] if to_base is None else [(to_base.compose(pose), outline) for pose, outline in fresh]
 
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
         """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
@@ -301,13 +301,15 @@ class Surroundings:
                     (*view.laser, 0.0), max(REACH, reach), way, way - SPAN,
                 )  # fmt: skip
 
-    def forget(self, discs: Iterable[tuple[float, float, float]]) -> None:
-        """Forget what is known of these discs (x, y and radius, base frame) that the laser does not see wholly: hits on
-        a teammate there, which is told by its pose, would stay when it has driven on."""
-        for x, y, radius in discs:
-            away = math.hypot(x, y)
-            if away < REACH and not self.sight.looks(math.atan2(y, x), radius / max(away, radius)):
-                self._known = self._known.compress(np.hypot(self._known[0] - x, self._known[1] - y) > radius, axis=1)
+    def forget(self, bodies: Iterable[tuple[Pose2, Outline]]) -> None:
+        """Forget the points at teammates that the laser does not see wholly: each is told by its pose, in the base
+        frame, and hits on it would stay when it has driven on."""
+        for pose, outline in bodies:
+            away = max(math.hypot(pose.x, pose.y), outline.radius)
+            if away < REACH and not self.sight.looks(math.atan2(pose.y, pose.x), outline.radius / away):
+                points = self._known.copy()
+                kernels.move_points(points, *pose)
+                self._known = self._known.compress(outline.distances(points[:2]) > BODY, axis=1)
 
     def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
         """The base is where odometry says; the pose in `odom` by which points are told now."""
@@ -370,7 +372,7 @@ class SafetyLayer:
         if not trouble:
             self._around.update(view, self._limits.longest_way(self._reaction) + self._outline.radius + 0.5)
             self._mates.look(view)
-            self._around.forget(self._mates.discs())
+            self._around.forget(self._mates.bodies())
             trouble = NO_NUMBER if asked is None else ""
         if asked is None or trouble or (reason and asked == STANDING):
             motion = self._limits.brake(self._last, seconds)
