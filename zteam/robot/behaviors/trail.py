@@ -201,7 +201,7 @@ class Trail:
         """When it was asked last to drive past one (ns)."""
 
     def rest(self) -> None:
-        """It leads, was stopped, or does not see its head: that it did not get on does not count."""
+        """It leads, was stopped, or does not see its head: the time until now is no reason to get free."""
         self._making_room.rest()
         self._escape.rest()
 

@@ -302,8 +302,8 @@ class Surroundings:
                 )  # fmt: skip
 
     def forget(self, bodies: Iterable[tuple[Pose2, Outline]]) -> None:
-        """Forget the points at teammates that the laser does not see wholly: each is told by its pose, in the base
-        frame, and hits on it would stay when it has driven on."""
+        """Forget the points at teammates that the laser does not see wholly. Their poses (base frame) say where they
+        are, and hits on them would stay when they have driven on."""
         for pose, outline in bodies:
             away = max(math.hypot(pose.x, pose.y), outline.radius)
             if away < REACH and not self.sight.looks(math.atan2(pose.y, pose.x), outline.radius / away):
