@@ -5,8 +5,8 @@ stop before what it would meet. Text that says why is the same from step to step
 with the cause.
 
 What stands around a robot is one set of points that stay where they are in `odom`. The newest scan clears what it sees
-through and adds its hits. What it does not look at stays for the last metres of travel. A beam that says nothing
-neither clears nor adds. Teammates are told by their poses: the laser looks over low bodies, and lasers dazzle each
+through and adds its hits. What it does not look at stays for the last metres of travel, but for points at teammates.
+A beam that says nothing neither clears nor adds. Teammates are told by their poses: the laser looks over low bodies, and lasers dazzle each
 other.
 """
 
