@@ -206,6 +206,9 @@ class Escape:
         failed = [(kind, to_base.compose(at)) for _, kind, at in self._failed]
         found = find_moves(view, hits, way, failed)
         self._moves = [Move(kind, own.compose(end)) for kind, end in found]
+        if not found:
+            # A move that did not work may do so now: a robot that stood there has driven on.
+            self._failed = []
         self._left, self._since = math.inf, view.now
 
     def _move(self, view: View, own: Pose2) -> Twist | None:

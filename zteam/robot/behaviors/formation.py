@@ -381,12 +381,17 @@ class Formation(LineMember):
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-        in_file = {robot: status.leader for robot, status in statuses.items() if status.gap > 0.0}
+        # The robots of a file get into it one after the other, and all are members meanwhile.
+        leaders = {
+            robot: status.leader
+            for robot, status in statuses.items()
+            if status.gap > 0.0 or (status.behavior == "formation" and status.leader == self._leads)
+        }
         told = self.params.team or [
             robot
             for robot, status in statuses.items()
             if status.behavior == "formation"
-            and self._leads in chain_from(robot, {**in_file, view.robot_id: self.leader, robot: status.leader})
+            and self._leads in chain_from(robot, {**leaders, view.robot_id: self.leader, robot: status.leader})
         ]
         found = {
             robot: pose
