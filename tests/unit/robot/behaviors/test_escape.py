@@ -110,6 +110,16 @@ def test_what_does_not_work_is_not_tried_again() -> None:
     assert len({kind for kind, _ in tried[1:4]}) == 3
 
 
+def test_what_did_not_work_is_tried_again_where_nothing_else_is_left() -> None:
+    """What stood there may have driven on: a base that nothing moves backs up twice within 15 s."""
+    escape, backs = Escape(), [False]
+    for tick in range(1, 150):
+        is_back = ask(escape, tick, 0.0, TURN).linear.x < 0.0
+        if is_back != backs[-1]:
+            backs.append(is_back)
+    assert backs.count(True) >= 2
+
+
 @pytest.mark.parametrize("turned", [0.1, -0.1, 0.01])
 def test_a_robot_that_turns_is_left_alone(turned: float) -> None:
     """Also one that turns slowly."""

@@ -56,9 +56,9 @@ def lead(
     return head.step(view, own, role, SPEED, 1.0, Polyline([*came, own[:2]]))
 
 
-@pytest.mark.parametrize(("ahead", "straight"), [(1.15, True), (1.0, False)])
-def test_it_drives_straight_on_while_a_metre_is_free(ahead: float, straight: bool) -> None:
-    """It turns only where less is free ahead of its laser."""
+@pytest.mark.parametrize(("ahead", "straight"), [(0.85, True), (0.7, False)])
+def test_it_drives_straight_on_while_there_is_room(ahead: float, straight: bool) -> None:
+    """It turns only where less than 0.75 m is free ahead of its laser."""
     command, reason = lead(Head(), look(START, box(20.0, 20.0, ahead, 20.0), 1.0))
     assert command is not None
     assert ((command.linear.x, command.angular.z) == (SPEED, 0.0)) is straight
@@ -74,6 +74,15 @@ def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
     assert command is not None
     assert command.linear.x == 0.0
     assert command.angular.z * side > 0.0
+
+
+@pytest.mark.parametrize(("after", "turns"), [((1, 2, 3, 4), True), ((1, 2, 4, 3), False)])
+def test_it_does_not_drive_between_robots_of_its_line(after: tuple[int, ...], turns: bool) -> None:
+    """It turns before the way from one robot to the one behind that, and passes two between which there is another."""
+    mates = {1: (-0.8, 0.0), 2: (0.7, 0.9), 3: (0.7, -0.9), 4: (-1.6, 0.0)}
+    command, _ = lead(Head(), look(START, OPEN, 1.0, mates), after=after)
+    assert command is not None
+    assert (command.angular.z != 0.0) is turns
 
 
 def test_it_hands_over_where_it_does_not_get_on() -> None:
