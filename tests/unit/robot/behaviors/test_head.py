@@ -79,7 +79,7 @@ def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
 @pytest.mark.parametrize(("after", "turns"), [((1, 2, 3, 4), True), ((1, 2, 4, 3), False)])
 def test_it_does_not_drive_between_robots_of_its_line(after: tuple[int, ...], turns: bool) -> None:
     """It turns before the way from one robot to the one behind that, and passes two between which there is another."""
-    mates = {1: (-0.8, 0.0), 2: (0.7, 0.9), 3: (0.7, -0.9), 4: (-1.6, 0.0)}
+    mates = {1: (-0.8, 0.0), 2: (0.5, 0.9), 3: (0.5, -0.9), 4: (-1.6, 0.0)}
     command, _ = lead(Head(), look(START, OPEN, 1.0, mates), after=after)
     assert command is not None
     assert (command.angular.z != 0.0) is turns
