@@ -118,6 +118,7 @@ AT_END, OUT, ON_WAY = 0.1, 0.9, 0.5
 
 
 _POINT = Base(footprint=((-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05)))
+"""What stands for a place between two neighbours of a line."""
 
 
 def with_links(view: View, line: Sequence[int]) -> View:

@@ -6,8 +6,8 @@ with the cause.
 
 What stands around a robot is one set of points that stay where they are in `odom`. The newest scan clears what it sees
 through and adds its hits. What it does not look at stays for the last metres of travel, but for points at teammates.
-A beam that says nothing neither clears nor adds. Teammates are told by their poses: the laser looks over low bodies,
-and lasers dazzle each other.
+A beam that says nothing neither clears nor adds. Teammates are placed by their poses, because the laser looks over low
+bodies, and lasers dazzle each other.
 """
 
 import math
