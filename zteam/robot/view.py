@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -84,12 +84,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 age = abs(self.now - at[1]) / 1e9 if at[1] else 0.0
                 found.append(Teammate(robot_id, at[0], age, self.bases.get(robot_id, DEFAULT_BASE)))
         return tuple(found)
-
-    def with_teammates(self, more: Iterable[Teammate]) -> "View":
-        """The same view with more teammates."""
-        view = msgspec.structs.replace(self)
-        vars(view)["teammates"] = (*self.teammates, *more)
-        return view
 
     @property
     def base_frame(self) -> str:

@@ -6,17 +6,15 @@ on no more. The robots behind it make room for a head that keeps its place, and 
 
 import math
 from collections.abc import Sequence, Set
-from itertools import pairwise
 
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
-from zteam.messages.base import Base
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits, pursue, way_back
-from zteam.robot.view import Teammate, View, is_clear, is_seen, look_along
+from zteam.robot.view import View, is_clear, is_seen, look_along
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
 """1/s: the lectures' v = 0.5 d and w = 4 atan2(y, x)."""
@@ -86,17 +84,16 @@ class Around:
 FREE, CLOSER = 0.75, 0.55
 """Metres ahead that have to be free for it to drive straight on, and where it finds no heading: it sees round a corner
 from near the wall. The nearer it drives to the walls of a room, the longer is the line that fits into it."""
-ROOMY, SOME, MOST_ROOM = 1.3, 0.85, 5.0
-"""Metres that have to be free along a new heading; the same where neither end of the line finds one; more than the
-third makes no difference."""
+ROOMY, MOST_ROOM = 1.3, 5.0
+"""Metres that have to be free along a new heading; more than the second makes no difference."""
 HALF_WIDTH = 0.06
 """Metres besides the base's radius that have to be free on either side."""
 MATE = 0.62
 """Metres on either side within which another robot is in the way."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
 """Of which it draws one: never back past its own line."""
-CHANCE, EVERY = 0.1, 0.4
-"""How often it draws another heading without need: with this chance after each so many metres."""
+EVERY = 0.4
+"""Metres between the places of the way back at which it looks whether another robot is on that way."""
 LONG, OTHER_SIDE = 5, 0.5
 """Robots behind it with which it turns as little as it can, and the radians by which a turn to the other side than last
 time has to be smaller: so it goes round a room, and does not meet its own line."""
@@ -109,23 +106,10 @@ TURN_GAIN = 2.0
 """1/s."""
 GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
-LATELY = to_ns(15.0)
-"""Nanoseconds after a turn of its line in which it looks for a way between the others: the other end has found none."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
 AT_END, OUT, ON_WAY = 0.1, 0.9, 0.5
 """Metres to the end of the way back at which it is there, and ahead and beside within which a robot is on that way."""
-
-
-_POINT = Base(footprint=((-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05)))
-"""What stands for a place between two neighbours of a line."""
-
-
-def with_links(view: View, line: Sequence[int]) -> View:
-    """The view with small robots between neighbours of this line: a head that drives through there ties a knot."""
-    seen = [at[0] for at in map(view.base_from_robot, line) if at is not None]
-    points = [(a.x + k * (b.x - a.x), a.y + k * (b.y - a.y)) for a, b in pairwise(seen) for k in (0.25, 0.5, 0.75)]
-    return view.with_teammates(Teammate(-1, Pose2(x, y, 0.0), 0.0, _POINT) for x, y in points)
 
 
 class Head:
@@ -144,7 +128,6 @@ class Head:
         """Its last turn (rad)."""
         self._anchors: list[tuple[Point2, int]] = []
         """Where in map it got on last by each distance of PROGRESS, and when (ns)."""
-        self._drawn_at = Pose2(0.0, 0.0, 0.0)
         self._escape = Escape()
 
     def rest(self) -> None:
@@ -158,9 +141,8 @@ class Head:
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
-        view = with_links(view, role.after)
         if self._since is None:
-            self._since, self._drawn_at, self._heading = view.now, own, None
+            self._since, self._heading = view.now, None
             self._anchors = [(own[:2], view.now)] * len(PROGRESS)
             self._escape.rest()
             self._back, self._place = Polyline(way_back(came, came.start, role.gap * (len(role.after) + 1))), 0.0
@@ -199,22 +181,14 @@ class Head:
             if turn is None or abs(turn) > ON_THE_SPOT:
                 return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
             self._escape.rest()
-            self._drawn_at, self._heading = own, normalize_angle(own.yaw + turn)
-        if self._heading is None and self._wants_another(view, own, ahead, is_long=is_long):
-            self._drawn_at = own
+            self._heading = normalize_angle(own.yaw + turn)
+        if self._heading is None and ahead < FREE:
             turn = self._draw(view, scan, is_long=is_long)
-            if turn is None and CLOSER < ahead < FREE:
+            if turn is None and ahead > CLOSER:
                 return Twist(Vector3(speed * share)), "" if share else reason
-            if turn is None and ahead < FREE:
-                # Before a turn the other end may have a way, and this one would lead past its own line.
-                if role.turns > 0 and view.now - self._since < LATELY:
-                    turn = self._draw(view, scan, is_long=is_long, least=SOME)
-                    if turn is None and self._escape.leave(view):
-                        return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
-                if turn is None and view.now - self._since > FIRST:
-                    return None, ""
-                turn = math.pi if turn is None else turn
-            self._heading = normalize_angle(own.yaw + (turn or 0.0))
+            if turn is None and view.now - self._since > FIRST:
+                return None, ""
+            self._heading = normalize_angle(own.yaw + (math.pi if turn is None else turn))
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
         if abs(error) > ON_THE_SPOT or ahead < NARROW:
@@ -235,21 +209,13 @@ class Head:
         command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
         return self._escape.free(view, command, way if speed else ())
 
-    def _wants_another(self, view: View, own: Pose2, ahead: float, *, is_long: bool) -> bool:
-        if ahead < FREE:
-            return True
-        if is_long or math.dist(own[:2], self._drawn_at[:2]) < EVERY:
-            return False
-        self._drawn_at = own
-        return view.random(0) < CHANCE
-
-    def _draw(self, view: View, scan: LaserScan, *, is_long: bool, least: float = ROOMY) -> float | None:
-        """One of the headings (rad) with more room than `least` (m), the likelier the more room and the less to the
-        side; in a long line the one that is the least to the side."""
+    def _draw(self, view: View, scan: LaserScan, *, is_long: bool) -> float | None:
+        """One of the headings (rad) with room, the likelier the more room and the less to the side; in a long line the
+        one that is the least to the side."""
         best, most = None, -math.inf
         for draw, heading in enumerate(HEADINGS, 1):
             room = self._room(view, scan, heading)
-            if room <= least or not is_seen(scan, heading):
+            if room <= ROOMY or not is_seen(scan, heading):
                 continue
             weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
             if is_long:

@@ -1,6 +1,5 @@
 """Follow another robot: along the trail of the robot ahead, in a line that may be led from either end, or straight."""
 
-import logging
 import math
 from typing import Annotated, Any, Literal
 
@@ -13,7 +12,7 @@ from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.path import SpeedLimits
-from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember, head_comes_round
+from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
 from zteam.robot.behaviors.wander import Avoid, Forward, Idle, Wander
 from zteam.robot.view import View
 
@@ -45,8 +44,6 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
         Meta(description="what it does as the new head; same: what the lost one did, else avoid"),
     ] = "same"
 
-
-log = logging.getLogger("zteam")
 
 SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
 """What a robot can go on with that takes over: they need no parameters and no further inputs."""
@@ -91,24 +88,18 @@ class Follow(LineMember):
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params
         role = self._find_role(view, params.leader, params.on_leader_lost)
-        own = self._locate(view, role)
-        if own is None:
-            return Twist()
-        if role.ahead != self.follows:
-            self.follows = role.ahead
-            log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
         limits = SpeedLimits(params.max_linear, params.max_angular)
-        if role.ahead is None:
-            return self._take_the_lead(view, own, role, limits)
-        self._successor, self._before = None, role.ahead
-        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
-            self._line.turn_on()
-        if params.law == "direct":
-            return self._drive_straight(view, role.ahead, limits)
-        command, self.reason = self._trail.step(view, own, role, params.gap, params.stale_after, limits)
+        return self._drive_in_line(view, role, limits, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+
+    def _follow(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
+        self._successor, self._before = None, role.before[0]
+        if self.params.law == "direct":
+            return self._drive_straight(view, role.before[0], limits)
+        gap, stale_after = self.params.gap, self.params.stale_after
+        command, self.reason = self._trail.step(view, own, role, gap, stale_after, limits)
         return command
 
-    def _take_the_lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
+    def _lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits, speed: float, rate: float) -> Twist:
         """In the place of a head that is gone, or that has handed over."""
         if self._before in role.gone:
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
@@ -128,7 +119,7 @@ class Follow(LineMember):
                 self._head.rest()
                 command, self.reason = self._successor.step(view), self._successor.reason
                 return command
-        return self._lead(view, own, role, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+        return super()._lead(view, own, role, limits, speed, rate)
 
     def why_it_rests(self) -> str:
         if not self.params.max_linear:

@@ -26,6 +26,7 @@ from zteam.robot.behaviors.line import (
     waits_for,
 )
 from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue, way_back
+from zteam.robot.behaviors.spreading import Spreading, spread
 from zteam.robot.behaviors.steering import Steering
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
 
@@ -209,6 +210,12 @@ class Trail:
         """The robot leads: when it follows again, it may be far from the trail that it has left."""
         self._leads = None
 
+    def forget_ways(self) -> None:
+        """No robot has to go back to where it came from."""
+        self.rest()
+        self.forget()
+        self.own_way, self._left = Polyline(), None
+
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
         moved = math.dist(own[:2], self.own_way.last) if len(self.own_way) else SPACING
@@ -297,8 +304,10 @@ class Trail:
     def _way_to(self, view: View, before: Sequence[int], head: Pose2, gap: float) -> list[Point2]:
         """The way to a new head: back over the own one if it stands there, else over the places of those between."""
         # The own way may have crossed itself: the head stands on the newest part of it.
-        low = self.own_way.end - 1.3 * gap * len(before) - JUMP
-        place, off = self.own_way.near(head, low) if len(self.own_way) else (0.0, math.inf)
+        length = gap * len(before)
+        low, high = self.own_way.end - 1.3 * length - JUMP, self.own_way.end - 0.5 * length
+        is_known = high > self.own_way.start if len(self.own_way) else False
+        place, off = self.own_way.near(head, low, high) if is_known else (0.0, math.inf)
         return way_back(self.own_way, place) if off < JUMP else places_of(view, before[:-1])
 
     def _is_far_behind(self, length: float) -> bool:
@@ -392,7 +401,7 @@ class LineMember(Behavior):
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
-        self._line, self._trail, self._head = Line(), Trail(), Head()
+        self._line, self._trail, self._head, self._spreading = Line(), Trail(), Head(), Spreading()
         self.steering = Steering()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
@@ -416,41 +425,53 @@ class LineMember(Behavior):
         self._silent = None
         return self._line.find_role(view, leader, on_lost, may_turn=self._may_turn)
 
-    def _locate(self, view: View, role: LineRole) -> Pose2 | None:
-        """The own pose in map, which counts as a part of its way; None where the robot has to stand for a reason."""
+    def _locate(self, view: View, role: LineRole, limits: SpeedLimits) -> tuple[Pose2 | None, Twist]:
+        """The own pose in map, a part of its way; None where it has to stand, or spreads out: at this velocity."""
         own = own_pose(view)
         self.reason = role.reason or (NO_POSE if own is None else "")
         if own is None or role.reason:
             self.on_release()
-            return None
+            return None, Twist()
         self._silent = find_silent(view, role)
         if self._silent is not None:
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
+        elif self._spreading.is_due(view, role):
+            self._head.rest()
+            self._trail.forget_ways()
+            self.reason = "spreads out: neither end of its line gets on"
+            return None, spread(view, role, limits)
         self._trail.note(own)
         # What it does as the other one does not count: to lead, or to follow.
         (self._trail if role.ahead is None else self._head).rest()
-        return own
+        return own, Twist()
 
     def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
         """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
-        self.follows, own = role.ahead, self._locate(view, role)
+        own, command = self._locate(view, role, limits)
         if own is None:
-            return Twist()
+            return command
+        if role.ahead != self.follows:
+            self.follows = role.ahead
+            log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
         if role.ahead is None:
-            return self._lead(view, own, role, speed, turn_rate)
+            return self._lead(view, own, role, limits, speed, turn_rate)
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
             self._line.turn_on()
+        return self._follow(view, own, role, limits)
+
+    def _follow(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
+        """The velocity of a robot that is in the line."""
         command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, limits)
         return command
 
-    def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
+    def _lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits, speed: float, rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
         self._trail.forget()
-        command, self.reason = self._head.step(view, own, role, speed, turn_rate, self._trail.own_way)
+        command, self.reason = self._head.step(view, own, role, speed, rate, self._trail.own_way)
         if command is not None:
             return command
         self._head.rest()
