@@ -1,7 +1,7 @@
 """How a robot gets past what stands between it and a place, and free where it has no room to turn.
 
-The robot that leads a line goes back on the way on which it came, then drives at random, and hands over where it gets
-on no more. The robots behind it make room for a head that keeps its place, and that may turn back into its line.
+The robot that leads a line turns as little as it can, and hands over where it gets on no more. The robots behind it
+make room for a head that keeps its place, and that may turn back into its line.
 """
 
 import math
@@ -13,7 +13,7 @@ from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
-from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits, pursue, way_back
+from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.robot.view import View, is_clear, is_seen, look_along
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
@@ -84,19 +84,16 @@ class Around:
 FREE, CLOSER = 0.75, 0.55
 """Metres ahead that have to be free for it to drive straight on, and where it finds no heading: it sees round a corner
 from near the wall. The nearer it drives to the walls of a room, the longer is the line that fits into it."""
-ROOMY, MOST_ROOM = 1.3, 5.0
-"""Metres that have to be free along a new heading; more than the second makes no difference."""
+ROOMY = 1.0
+"""Metres that have to be free along a new heading."""
 HALF_WIDTH = 0.06
 """Metres besides the base's radius that have to be free on either side."""
 MATE = 0.62
 """Metres on either side within which another robot is in the way."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
-"""Of which it draws one: never back past its own line."""
-EVERY = 0.4
-"""Metres between the places of the way back at which it looks whether another robot is on that way."""
-LONG, OTHER_SIDE = 5, 0.5
-"""Robots behind it with which it turns as little as it can, and the radians by which a turn to the other side than last
-time has to be smaller: so it goes round a room, and does not meet its own line."""
+"""Of which it takes one: never back past its own line."""
+OTHER_SIDE = 0.5
+"""Radians by which a turn to the other side than last time has to be smaller: so it goes round a room."""
 ON_THE_SPOT = 0.8
 """Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
 NARROW = 0.7
@@ -108,20 +105,14 @@ GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
 FIRST = to_ns(3.0)
 """Nanoseconds in which a new head does not hand over for lack of a heading: its line still moves."""
-AT_END, OUT, ON_WAY = 0.1, 0.9, 0.5
-"""Metres to the end of the way back at which it is there, and ahead and beside within which a robot is on that way."""
 
 
 class Head:
-    """The law of the robot that leads: back on the way on which it came until its line is out, then at random."""
+    """The law of the robot that leads: straight on, with turns that are as small as there is room."""
 
     def __init__(self) -> None:
         self._since: int | None = None
         """Nanoseconds: when it began to lead; None while it does not."""
-        self._back: Polyline | None = None
-        """The way on which it came, back, as far as its line is long; None once it has left it."""
-        self._place = 0.0
-        """On that way."""
         self._heading: float | None = None
         """In map (rad), while it turns."""
         self._side = 0.0
@@ -134,10 +125,8 @@ class Head:
         """It does not lead, or stands for a reason."""
         self._since = None
 
-    def step(
-        self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float, came: Polyline
-    ) -> tuple[Twist | None, str]:
-        """The velocity, and why it is zero; None where it is to hand over. It `came` on this way (map)."""
+    def step(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> tuple[Twist | None, str]:
+        """The velocity, and why it is zero; None where it is to hand over."""
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
@@ -145,7 +134,10 @@ class Head:
             self._since, self._heading = view.now, None
             self._anchors = [(own[:2], view.now)] * len(PROGRESS)
             self._escape.rest()
-            self._back, self._place = Polyline(way_back(came, came.start, role.gap * (len(role.after) + 1))), 0.0
+            behind = view.base_from_robot(role.after[0]) if role.after else None
+            if behind is not None and behind[0].x > 0.0:
+                # A new head mostly looks along its line.
+                self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
         share, reason = keep_together(view, role)
         if share == 0.0:
             # While it waits for its line it has time.
@@ -155,18 +147,7 @@ class Head:
             for (at, since), metres in zip(self._anchors, PROGRESS, strict=True)
         ]
         waits = [(view.now - since) / most for (_, since), most in zip(self._anchors, GIVES_UP, strict=True)]
-        gives_up = waits[0] > (2 if self._escape.is_moving else 1) or waits[1] > 1
-        if self._back is not None:
-            command = None if gives_up else self._go_back(view, own, self._back, speed * share, turn_rate)
-            if command is not None:
-                return command, "" if share else reason
-            self._back, gives_up = None, False
-            self._anchors = [(own[:2], view.now)] * len(PROGRESS)
-            behind = view.base_from_robot(role.after[0]) if role.after else None
-            if behind is not None and behind[0].x > 0.0:
-                # A new head mostly looks along its line.
-                self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
-        if gives_up:
+        if waits[0] > (2 if self._escape.is_moving else 1) or waits[1] > 1:
             return None, ""
         if self._heading is not None and abs(normalize_angle(self._heading - own.yaw)) < ALIGNED:
             self._heading = None
@@ -175,15 +156,14 @@ class Head:
             # It finds no way while its line is not there.
             self._escape.rest()
             return Twist(), reason
-        is_long = len(role.after) >= LONG
         if self._escape.is_moving:
-            turn = self._draw(view, scan, is_long=is_long) if ahead > NARROW else None
+            turn = self._least_turn(view, scan) if ahead > NARROW else None
             if turn is None or abs(turn) > ON_THE_SPOT:
                 return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
             self._escape.rest()
             self._heading = normalize_angle(own.yaw + turn)
         if self._heading is None and ahead < FREE:
-            turn = self._draw(view, scan, is_long=is_long)
+            turn = self._least_turn(view, scan)
             if turn is None and ahead > CLOSER:
                 return Twist(Vector3(speed * share)), "" if share else reason
             if turn is None and view.now - self._since > FIRST:
@@ -195,35 +175,12 @@ class Head:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _go_back(self, view: View, own: Pose2, path: Polyline, speed: float, turn_rate: float) -> Twist | None:
-        """The velocity along the way back; None at its end, or where another robot is on it."""
-        self._place, _ = path.near(own, self._place - LOOK_AHEAD, self._place + 2.0 * LOOK_AHEAD)
-        if path.end - self._place < AT_END:
-            return None
-        way = [own.locate(*path.point(self._place + EVERY * step)) for step in (1, 2, 3, 4)]
-        bearing = math.atan2(way[0][1], way[0][0])
-        for mate in view.teammates:
-            along, across = mate.along(bearing)
-            if 0.0 < along < OUT and abs(across) < ON_WAY:
-                return None
-        command = pursue(own, path, self._place, speed, SpeedLimits(speed, turn_rate))
-        return self._escape.free(view, command, way if speed else ())
-
-    def _draw(self, view: View, scan: LaserScan, *, is_long: bool) -> float | None:
-        """One of the headings (rad) with room, the likelier the more room and the less to the side; in a long line the
-        one that is the least to the side."""
-        best, most = None, -math.inf
-        for draw, heading in enumerate(HEADINGS, 1):
-            room = self._room(view, scan, heading)
-            if room <= ROOMY or not is_seen(scan, heading):
-                continue
-            weight = min(room, MOST_ROOM) * view.random(draw) * (1.2 - abs(heading) / math.pi)
-            if is_long:
-                weight = -abs(heading) - OTHER_SIDE * (heading * self._side < 0.0)
-            if weight > most:
-                best, most = heading, weight
-        self._side = best or self._side
-        return best
+    def _least_turn(self, view: View, scan: LaserScan) -> float | None:
+        """The heading with room (rad) that is the least to the side; None without any."""
+        free = [heading for heading in HEADINGS if self._room(view, scan, heading) > ROOMY and is_seen(scan, heading)]
+        turn = min(free, key=lambda heading: abs(heading) + OTHER_SIDE * (heading * self._side < 0.0), default=None)
+        self._side = turn or self._side
+        return turn
 
     def _room(self, view: View, scan: LaserScan, heading: float) -> float:
         """Metres that are free of walls and robots towards a heading (rad)."""

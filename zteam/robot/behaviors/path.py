@@ -128,13 +128,12 @@ class Polyline:
         return max(0, min(bisect_right(self._s, s) - 1, len(self._s) - 2))
 
 
-def way_back(way: Polyline, place: float, length: float = math.inf) -> list[Point2]:
-    """From the end of a way back to this place on it, as far as `length` metres, without what it went twice."""
+def way_back(way: Polyline, place: float) -> list[Point2]:
+    """From the end of a way back to this place on it, without what it went twice."""
     back, at = [way.point(way.end)], way.end
-    while at > place and length > 0.0:
+    while at > place:
         at = min(at, way.first_beside(back[-1], place, at)) - BACK_STEP
         back.append(way.point(at))
-        length -= math.dist(*back[-2:])
     return back
 
 

@@ -35,16 +35,13 @@ class Spreading:
     """When the robots of a line spread out."""
 
     def __init__(self) -> None:
-        self._turns = 0
-        self._turned: int | None = None
-        """When the line turned last (ns)."""
-        self._until = 0
-        """Nanoseconds."""
+        self._turns, self._turned, self._until = 0, -AGAIN, 0
+        """How often the line has turned, when it did so last, and until when its robots spread out (ns)."""
 
     def is_due(self, view: View, role: LineRole) -> bool:
         """Whether they do now: the line has turned twice within a short time."""
         if role.turns != self._turns:
-            if self._turned is not None and view.now - self._turned < AGAIN:
+            if view.now - self._turned < AGAIN:
                 self._until = view.now + LASTS
             self._turns, self._turned = role.turns, view.now
         return role.may_turn and view.now < self._until

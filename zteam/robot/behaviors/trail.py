@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2
-from zteam.messages import Message, Twist, Vector3
+from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import AGAIN, Escape
 from zteam.robot.behaviors.evasion import Around, Head, MakingRoom, back_up, find_stopped
@@ -254,9 +254,6 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        # In its place, or behind a head that keeps its own, a robot may have reason to stand.
-        if self._escape.makes_room(view, counts=role.may_turn and not self._is_parked):
-            return self._escape.free(view, Twist(angular=Vector3(z=1.0))), "is stuck: leaves its way"
         command, does = self._making_room.step(
             view, own, role, gap * len(before), limits, stopped, keeps=alone, driven_on=self.ahead.driven_on,
         )  # fmt: skip
@@ -306,8 +303,7 @@ class Trail:
         # The own way may have crossed itself: the head stands on the newest part of it.
         length = gap * len(before)
         low, high = self.own_way.end - 1.3 * length - JUMP, self.own_way.end - 0.5 * length
-        is_known = high > self.own_way.start if len(self.own_way) else False
-        place, off = self.own_way.near(head, low, high) if is_known else (0.0, math.inf)
+        place, off = self.own_way.near(head, low, high) if high > self.own_way.start else (0.0, math.inf)
         return way_back(self.own_way, place) if off < JUMP else places_of(view, before[:-1])
 
     def _is_far_behind(self, length: float) -> bool:
@@ -471,7 +467,7 @@ class LineMember(Behavior):
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
         self._trail.forget()
-        command, self.reason = self._head.step(view, own, role, speed, rate, self._trail.own_way)
+        command, self.reason = self._head.step(view, own, role, speed, rate)
         if command is not None:
             return command
         self._head.rest()
