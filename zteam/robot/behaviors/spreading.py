@@ -14,8 +14,8 @@ from zteam.robot.view import View, is_seen, look_along
 
 LASTS = to_ns(8.0)
 """Nanoseconds for which the robots spread out."""
-AGAIN = 3 * LASTS
-"""Nanoseconds between two turns of a line within which neither end has got on."""
+AGAIN = to_ns(10.0)
+"""Nanoseconds within which an end of a line hands over that has not got on; those of spreading out are not counted."""
 STEP, FREE = 0.3, 0.55
 """Metres to the places that a robot compares, and metres that have to be free of walls towards one."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-17, 19))
@@ -41,7 +41,7 @@ class Spreading:
     def is_due(self, view: View, role: LineRole) -> bool:
         """Whether they do now: the line has turned twice within a short time."""
         if role.turns != self._turns:
-            if view.now - self._turned < AGAIN:
+            if view.now - max(self._turned, self._until) < AGAIN:
                 self._until = view.now + LASTS
             self._turns, self._turned = role.turns, view.now
         return role.may_turn and view.now < self._until

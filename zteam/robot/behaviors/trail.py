@@ -210,12 +210,6 @@ class Trail:
         """The robot leads: when it follows again, it may be far from the trail that it has left."""
         self._leads = None
 
-    def forget_ways(self) -> None:
-        """No robot has to go back to where it came from."""
-        self.rest()
-        self.forget()
-        self.own_way, self._left = Polyline(), None
-
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
         moved = math.dist(own[:2], self.own_way.last) if len(self.own_way) else SPACING
@@ -434,7 +428,8 @@ class LineMember(Behavior):
             self.on_release()
         elif self._spreading.is_due(view, role):
             self._head.rest()
-            self._trail.forget_ways()
+            self._trail.rest()
+            self._trail.forget()
             self.reason = "spreads out: neither end of its line gets on"
             return None, spread(view, role, limits)
         self._trail.note(own)

@@ -13,7 +13,6 @@ from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NoParams
 from zteam.robot.behaviors.evasion import Head
 from zteam.robot.behaviors.line import LineRole
-from zteam.robot.behaviors.path import Polyline
 from zteam.robot.view import own_pose
 
 START = Pose2(0.0, 0.0, 0.0)
@@ -35,7 +34,6 @@ def look(
     walls: Sequence[Segment],
     seconds: float,
     mates: Mapping[int, tuple[float, float]] = NO_MATES,
-    seed: int = 1,
 ) -> View:
     """What a robot sees at `own` of walls and of the others, whose places are in its own base frame."""
     frames = {f"robot_{robot}/base_footprint": Pose2(x, y, 0.0) for robot, (x, y) in mates.items()}
@@ -44,16 +42,14 @@ def look(
         return (frames[source], 0) if source in frames else None
 
     scan = make_scan(cast(own.compose(LASER), walls), to_ns(seconds))
-    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates), seed=seed)
+    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates))
 
 
 def lead(
-    head: Head, view: View, own: Pose2 = START, behind: int | None = None, *, came: Sequence[tuple[float, float]] = (),
-    after: tuple[int, ...] = (), turns: int = 0,
-) -> tuple[Twist | None, str]:  # fmt: skip
+    head: Head, view: View, own: Pose2 = START, behind: int | None = None, *, after: tuple[int, ...] = ()
+) -> tuple[Twist | None, str]:
     """One step of a head that may drive 0.4 m/s and turn 1 rad/s."""
-    role = LineRole(behind=behind, after=after, may_turn=True, turns=turns)
-    return head.step(view, own, role, SPEED, 1.0, Polyline([*came, own[:2]]))
+    return head.step(view, own, LineRole(behind=behind, after=after, may_turn=True), SPEED, 1.0)
 
 
 @pytest.mark.parametrize(("ahead", "straight"), [(0.85, True), (0.7, False)])
@@ -66,23 +62,13 @@ def test_it_drives_straight_on_while_there_is_room(ahead: float, straight: bool)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("seed", range(1, 13))
-def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
-    """A wall ahead, 1.25 m free on one side and 1.8 m on the other: it turns to the other."""
-    left, right = (1.8, 1.25) if side > 0.0 else (1.25, 1.8)
-    command, _ = lead(Head(), look(START, box(left, right, 0.6, 20.0), 1.0, seed=seed))
+def test_it_turns_only_to_where_there_is_room(side: float) -> None:
+    """A wall ahead, 0.95 m free on one side and 1.8 m on the other: it turns to the other."""
+    left, right = (1.8, 0.95) if side > 0.0 else (0.95, 1.8)
+    command, _ = lead(Head(), look(START, box(left, right, 0.6, 20.0), 1.0))
     assert command is not None
     assert command.linear.x == 0.0
     assert command.angular.z * side > 0.0
-
-
-@pytest.mark.parametrize(("after", "turns"), [((1, 2, 3, 4), True), ((1, 2, 4, 3), False)])
-def test_it_does_not_drive_between_robots_of_its_line(after: tuple[int, ...], turns: bool) -> None:
-    """It turns before the way from one robot to the one behind that, and passes two between which there is another."""
-    mates = {1: (-0.8, 0.0), 2: (0.5, 0.9), 3: (0.5, -0.9), 4: (-1.6, 0.0)}
-    command, _ = lead(Head(), look(START, OPEN, 1.0, mates), after=after)
-    assert command is not None
-    assert (command.angular.z != 0.0) is turns
 
 
 def test_it_hands_over_where_it_does_not_get_on() -> None:
@@ -136,32 +122,6 @@ def test_it_stands_while_its_line_is_not_there() -> None:
     assert lead(head, look(START, SHUT, 40.3, {1: (-2.5, 0.0)}), behind=1)[0] is None
 
 
-@pytest.mark.parametrize("is_taken", [False, True])
-def test_a_new_head_goes_back_on_the_way_on_which_it_came(is_taken: bool) -> None:
-    """It turns round for it, though straight on is free; not where another robot stands on that way."""
-    mates = {1: (-0.6, 0.0)} if is_taken else {}
-    command, _ = lead(Head(), look(START, OPEN, 1.0, mates), came=[(-3.0, 0.5), (-0.4, 0.1)], after=(1,))
-    assert command is not None
-    assert (command.linear.x > 0.0) is is_taken
-    assert (command.angular.z != 0.0) is not is_taken
-
-
-def test_it_goes_back_as_far_as_its_line_is_long() -> None:
-    """A loop on the way is no part of it: 0.8 m for the robot itself and for each one behind it."""
-    loop = [(-3.0, 0.0), (-1.0, 0.0), (-1.0, 2.0), (-1.0, 0.1), (-0.5, 0.0)]
-    head, pose = Head(), START
-    for tick in range(10, 200):
-        command, _ = lead(head, look(pose, OPEN, 0.1 * tick), pose, came=loop, after=(1,))
-        assert command is not None
-        turned = pose.yaw + 0.1 * command.angular.z
-        pose = pose.compose(Pose2(0.1 * command.linear.x, 0.0, 0.1 * command.angular.z))
-        assert abs(pose.y) < 0.3
-        if pose.x < -1.5:
-            break
-    assert pose.x < -1.5
-    assert turned
-
-
 @pytest.mark.parametrize("y", [0.3, -0.3])
 def test_a_new_head_turns_away_from_the_robot_behind_it(y: float) -> None:
     """By the shorter way: it looked along the line that it followed."""
@@ -179,16 +139,16 @@ def test_it_looks_round_a_corner_from_near_the_wall(ahead: float, drives_on: boo
     assert (command.linear.x > 0.0) is drives_on
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_head_of_a_long_line_turns_no_further_than_it_has_to(side: float, seed: int) -> None:
-    """So it goes round a room. That of a short line draws a heading, which is another one for other seeds."""
-    view = look(START, box(2.0 if side > 0.0 else 1.0, 1.0 if side > 0.0 else 2.0, 0.6, 20.0), 1.0, seed=seed)
-    turns = [lead(Head(), view, after=tuple(range(1, count))) for count in (6, 6, 9)]
-    first, *others = [command and command.angular.z for command, _ in turns]
-    assert first is not None
-    assert first * side > 0.0
-    assert others == [first, first]
+def test_it_turns_to_the_same_side_as_last_time(side: float) -> None:
+    """Where a turn to the other side would be a little smaller: so it goes round a room."""
+    head = Head()
+    slanted: list[Segment] = [(0.6 + 0.9 * side, -9.0, 0.6 - 0.9 * side, 9.0)]
+    other, _ = lead(Head(), look(START, slanted, 1.0))
+    first, _ = lead(head, look(START, box(20.0 if side > 0.0 else 0.3, 0.3 if side > 0.0 else 20.0, 0.6, 20.0), 1.0))
+    head.rest()
+    again, _ = lead(head, look(START, slanted, 2.0))
+    assert [command and command.angular.z * side > 0.0 for command in (other, first, again)] == [False, True, True]
 
 
 class Leader(Behavior):
@@ -203,7 +163,7 @@ class Leader(Behavior):
     def step(self, view: View) -> Twist:
         own = own_pose(view)
         assert own is not None
-        command, _ = self.head.step(view, own, LineRole(may_turn=True, turns=1), SPEED, 1.0, Polyline([own[:2]]))
+        command, _ = self.head.step(view, own, LineRole(may_turn=True, turns=1), SPEED, 1.0)
         if command is None:
             self.handed_over += 1
             self.head.rest()
@@ -213,8 +173,8 @@ class Leader(Behavior):
 @pytest.mark.parametrize("turned_away", [False, True])
 @pytest.mark.parametrize("side", [1, -1])
 def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_away: bool) -> None:
-    """0.95 m wide, with a bend each 1.15 m: nowhere is there 1.3 m of room straight on. It may look back at first,
-    and its line may turn once."""
+    """0.95 m wide, with a bend each 1.15 m: nowhere is there a metre of room straight on. It may look back at
+    first: then its line turns while it turns round."""
     corners = [(0.0, 0.0), (2.1, 0.0), (2.1, 1.15), (3.25, 1.15), (3.25, 5.0)]
     inner = [(0.0, 0.95), (1.15, 0.95), (1.15, 2.1), (2.3, 2.1), (2.3, 5.0)]
     ends = [(corners[0], inner[0]), (corners[-1], inner[-1])]
@@ -225,5 +185,5 @@ def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_a
         floor.step([leader])
         track.append(floor.poses[0])
     assert side * track[-1].y > 2.6
-    assert leader.handed_over < 2
+    assert leader.handed_over < (6 if turned_away else 2)
     assert min(clearance(pose, walls) for pose in track) > 0.12
