@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from studies.study.cases import CASES
-from studies.study.narrow import CELL, KINDS, NARROW, draw_place
+from studies.study.narrow import CELL, KINDS, NARROW, draw_place, why_too_small
 from studies.study.stuck import Floor, Stand, find_stuck
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
@@ -39,6 +39,13 @@ def test_a_drawn_team_can_start(name: str, tmp_path: Path) -> None:
         drawn = [draw_place(NARROW[name].kind, seed, case.robots) for _ in range(2)]
         assert drawn[0][0].tobytes() == drawn[1][0].tobytes()
         assert drawn[0][2] == drawn[1][2]
+
+
+def test_rooms_that_a_line_cannot_go_round() -> None:
+    """Five of twenty seeds draw one room whose walls are too short a way for 12 robots; 4 and 8 have room in all."""
+    found = {count: [seed for seed in range(1, 21) if why_too_small("rooms", seed, count)] for count in (4, 8, 12)}
+    assert found == {4: [], 8: [], 12: [1, 5, 12, 15, 19]}
+    assert not any(why_too_small(kind, 1, 12) for kind in KINDS if kind != "rooms")
 
 
 @pytest.mark.parametrize("kind", KINDS)

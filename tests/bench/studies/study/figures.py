@@ -180,7 +180,7 @@ def summarize(rows: Sequence[Row], lockstep: Sequence[Row], bounds: Bounds) -> C
     stuck = [
         f"seed {row.task.seed}: robot {stand.robot} for {stand.seconds:g} s from {stand.begin:g} s on"
         for row in good
-        for stand in row.outcome.stuck
+        for stand in ([] if row.outcome.too_small else row.outcome.stuck)
     ]
     if bounds.stuck is not None and len(stuck) > bounds.stuck:
         missed += stuck
@@ -222,8 +222,14 @@ def format_study(cases: Sequence[CaseFigures]) -> str:
         for case in cases
     ]
     missed = [f"{case.what}: MISSED: {text}" for case in cases for text in case.missed]
+    small = [
+        f"{case.what}: seed {row.task.seed}: {len(row.outcome.stuck)} stuck are not counted: {row.outcome.too_small}"
+        for case in cases
+        for row in case.runs
+        if row.outcome.too_small
+    ]
     beside = _beside_lockstep([case for case in cases if case.lockstep])
-    return "\n".join([format_table(header, cells, numbers_from=1), *_LEGEND, *beside, *missed])
+    return "\n".join([format_table(header, cells, numbers_from=1), *_LEGEND, *beside, *small, *missed])
 
 
 def _beside_lockstep(cases: Sequence[CaseFigures]) -> list[str]:

@@ -213,6 +213,23 @@ def draw_place(kind: str, seed: int, count: int) -> tuple[np.ndarray, Point, lis
     return free, (low[0], low[1]), [Pose2(*way.at(max(0.0, head - place.gap * i))) for i in range(count)]
 
 
+HEAD_ROOM, ASIDE = 2.0, 0.45
+"""Metres that the head of a line that goes round a room needs before its last robot, and beside the wall."""
+
+
+def why_too_small(kind: str, seed: int, count: int) -> str:
+    """Why a line of so many robots cannot go round in what a seed draws; empty where it can, or need not."""
+    place = KINDS[kind](lambda *what: uniform(seed, 49, list(KINDS).index(kind), *what), count)
+    if kind != "rooms" or len(place.halls) > 1:
+        return ""
+    (left, lower), (right, upper) = place.halls[0]
+    way, needs = 2.0 * (right - left + upper - lower - 4.0 * ASIDE), GAP * (count - 1) + HEAD_ROOM
+    if way >= needs:
+        return ""
+    size = f"{right - left:.1f} x {upper - lower:.1f} m"
+    return f"the way along the walls of a room of {size} is {way:.1f} m, a line of {count} needs {needs:.1f} m"
+
+
 class Narrow(msgspec.Struct, frozen=True):
     """A case of the study `lines` in a drawn narrow place."""
 

@@ -16,7 +16,7 @@ from studies.launching import run_processes
 from studies.on_time import late_share, run_on_time
 from studies.study.cases import CASES
 from studies.study.driver import TELEOP, Driver
-from studies.study.narrow import Narrow
+from studies.study.narrow import Narrow, why_too_small
 from studies.study.stuck import Floor, Stand, find_stuck
 from zteam.clock import to_ns
 from zteam.config.resources import find_team
@@ -74,6 +74,8 @@ class Outcome(msgspec.Struct, omit_defaults=True):
     """Way of the first robot by its speed times the time; None where the speed is not known."""
     stuck: list[Stand] = []
     """Robots that stayed in their place though there was a way to leave it; only of narrow places."""
+    too_small: str = ""
+    """Why no line of so many robots can go round where it is; its robots do not count as stuck."""
     trajectory: str = ""
     """Hash of the way of all robots: a run of the same task has the same one."""
 
@@ -119,6 +121,7 @@ def measure(task: Task) -> Outcome:
     if floor is not None and isinstance(case, Narrow):
         poses, tick = make_tracks(moments).poses, task.seconds / len(moments)
         waits = [each.waits for each in moments]
+        outcome.too_small = "" if case.shape else why_too_small(case.kind, task.seed, case.robots)
         outcome.stuck = find_stuck(floor, poses, tick, followed, waits, is_line=not case.shape)
     if case is not None and case.speed is not None:
         outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
