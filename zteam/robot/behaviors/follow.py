@@ -1,5 +1,6 @@
 """Follow another robot: along the trail of the robot ahead, in a line that may be led from either end, or straight."""
 
+import logging
 import math
 from typing import Annotated, Any, Literal
 
@@ -45,6 +46,8 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     ] = "same"
 
 
+log = logging.getLogger("zteam")
+
 SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
 """What a robot can go on with that takes over: they need no parameters and no further inputs."""
 LEADER_ROOM = 0.3
@@ -88,8 +91,11 @@ class Follow(LineMember):
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params
         role = self._find_role(view, params.leader, params.on_leader_lost)
-        limits = SpeedLimits(params.max_linear, params.max_angular)
-        return self._drive_in_line(view, role, limits, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+        limits, before = SpeedLimits(params.max_linear, params.max_angular), self.follows
+        command = self._drive_in_line(view, role, limits, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+        if self.follows != before:
+            log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
+        return command
 
     def _follow(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
         self._successor, self._before = None, role.before[0]

@@ -439,12 +439,11 @@ class LineMember(Behavior):
 
     def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
         """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
+        if not role.reason:
+            self.follows = role.ahead
         own, command = self._locate(view, role, limits)
         if own is None:
             return command
-        if role.ahead != self.follows:
-            self.follows = role.ahead
-            log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
         if role.ahead is None:
             return self._lead(view, own, role, limits, speed, turn_rate)
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
