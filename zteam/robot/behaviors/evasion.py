@@ -86,21 +86,19 @@ FREE, CLOSER = 0.75, 0.55
 from near the wall. The nearer it drives to the walls of a room, the longer is the line that fits into it."""
 ROOMY = 1.0
 """Metres that have to be free along a new heading."""
-HALF_WIDTH = 0.06
-"""Metres besides the base's radius that have to be free on either side."""
-MATE = 0.62
-"""Metres on either side within which another robot is in the way."""
+HALF_WIDTH, MATE = 0.06, 0.62
+"""Metres beside the base's radius that have to be free on either side; and within which a robot is in the way."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
 """Of which it takes one: never back past its own line."""
 OTHER_SIDE = 0.5
 """Radians by which a turn to the other side than last time has to be smaller: so it goes round a room."""
+CHANCE, LONG = 0.01, 5
+"""How often in a step it draws a direction without need; not with so many robots behind it."""
 ON_THE_SPOT = 0.8
 """Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
 NARROW = 0.7
-ALIGNED = 0.1
-"""Radians to its heading from which on it drives straight."""
-TURN_GAIN = 2.0
-"""1/s."""
+ALIGNED, TURN_GAIN = 0.1, 2.0
+"""Radians to its heading from which on it drives straight; and 1/s."""
 GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
 """It hands over if it has not come so many metres away in so many nanoseconds."""
 FIRST = to_ns(3.0)
@@ -162,9 +160,10 @@ class Head:
                 return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
             self._escape.rest()
             self._heading = normalize_angle(own.yaw + turn)
-        if self._heading is None and ahead < FREE:
-            turn = self._least_turn(view, scan)
-            if turn is None and ahead > CLOSER:
+        draws = ahead >= FREE and len(role.after) < LONG and view.random() < CHANCE
+        if self._heading is None and (ahead < FREE or draws):
+            turn = self._least_turn(view, scan, draws=draws)
+            if ahead > CLOSER and turn is None:
                 return Twist(Vector3(speed * share)), "" if share else reason
             if turn is None and view.now - self._since > FIRST:
                 return None, ""
@@ -175,9 +174,11 @@ class Head:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _least_turn(self, view: View, scan: LaserScan) -> float | None:
-        """The heading with room (rad) that is the least to the side; None without any."""
+    def _least_turn(self, view: View, scan: LaserScan, *, draws: bool = False) -> float | None:
+        """The heading with room (rad) that is the least to the side, or a drawn one; None without any."""
         free = [heading for heading in HEADINGS if self._room(view, scan, heading) > ROOMY and is_seen(scan, heading)]
+        if draws and free:
+            return free[int(len(free) * view.random(1))]
         turn = min(free, key=lambda heading: abs(heading) + OTHER_SIDE * (heading * self._side < 0.0), default=None)
         self._side = turn or self._side
         return turn

@@ -23,10 +23,9 @@ END = 3.0
 """Of 1/d, by which a robot pushes away one that is d metres off: so much stronger is an end, which needs room."""
 PULL = 20.0
 """1/m³: of the square of the metres that a neighbour in the line is further away than the gap."""
-NEAR, CLOSE = 0.6, 100.0
-"""Metres from base to base within which a place costs so much (1/m²) more, as both have to be able to turn."""
-WORTH = 0.01
-"""1/m: by so much a place has to be better than the robot's own."""
+NEAR, CLOSE, WORTH = 0.6, 100.0, 0.01
+"""Metres from base to base within which a place costs so much more (1/m²), so that both can turn; and by how much a
+place has to be better than the robot's own (1/m)."""
 SPEED, TURN_RATE, TURN_GAIN, ON_THE_SPOT = 0.25, 1.0, 2.0, 0.5
 """m/s, rad/s and 1/s of the way there; and the radians from which on the robot turns on the spot."""
 
@@ -35,7 +34,7 @@ class Spreading:
     """When the robots of a line spread out."""
 
     def __init__(self) -> None:
-        self._turns, self._turned, self._until = 0, -AGAIN, 0
+        self._turns, self._turned, self._until = 0, -AGAIN, -AGAIN
         """How often the line has turned, when it did so last, and until when its robots spread out (ns)."""
 
     def is_due(self, view: View, role: LineRole) -> bool:
