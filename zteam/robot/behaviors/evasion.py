@@ -1,7 +1,7 @@
 """How a robot gets past what stands between it and a place, and free where it has no room to turn.
 
-The robot that leads a line turns as little as it can, and hands over where it gets on no more. The robots behind it
-make room for a head that keeps its place, and that may turn back into its line.
+The robot that leads a line turns as little as it can, and hands over when it cannot advance. The robots behind it make
+room for a head that keeps its place, and that may turn back into its line.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""How the robots of a line spread out where neither end of it gets on: each moves away from the others.
+"""How the robots of a line spread out when neither of its ends can advance: each one moves away from the others.
 
-A line folds itself up in a small room, and its ends are shut in by its own robots. Every chain unfolds by motions
+A line can fold up in a small room, and its own robots then enclose its ends. Every chain unfolds by motions
 that bring no two of its parts nearer to each other (Connelly, Demaine and Rote: Straightening polygonal arcs, 2003).
 """
 
@@ -15,7 +15,7 @@ from zteam.robot.view import View, is_seen, look_along
 LASTS = to_ns(8.0)
 """Nanoseconds for which the robots spread out."""
 AGAIN = to_ns(10.0)
-"""Nanoseconds within which an end of a line hands over that has not got on; those of spreading out are not counted."""
+"""Nanoseconds: a head that hands over sooner could not advance. The time of spreading out is not counted."""
 STEP, FREE = 0.3, 0.55
 """Metres to the places that a robot compares, and metres that have to be free of walls towards one."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-17, 19))

@@ -430,7 +430,7 @@ class LineMember(Behavior):
             self._head.rest()
             self._trail.rest()
             self._trail.forget()
-            self.reason = "spreads out: neither end of its line gets on"
+            self.reason = "spreads out: neither end of the line can advance"
             return None, spread(view, role, limits)
         self._trail.note(own)
         # What it does as the other one does not count: to lead, or to follow.

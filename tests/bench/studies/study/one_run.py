@@ -75,7 +75,7 @@ class Outcome(msgspec.Struct, omit_defaults=True):
     stuck: list[Stand] = []
     """Robots that stayed in their place though there was a way to leave it; only of narrow places."""
     too_small: str = ""
-    """Why no line of so many robots can go round where it is; its robots do not count as stuck."""
+    """Why the place is too small for the line to go round; stands in it are reported, and not counted as stuck."""
     trajectory: str = ""
     """Hash of the way of all robots: a run of the same task has the same one."""
 

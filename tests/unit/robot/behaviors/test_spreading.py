@@ -1,4 +1,4 @@
-"""spreading: robots of a line whose ends both get on no more move away from each other, and the line unfolds."""
+"""spreading: when neither end of a line can advance, its robots move apart, and the line unfolds."""
 
 import math
 from collections.abc import Sequence
