@@ -1,6 +1,5 @@
 """A process's part in lock-step: whose ticks count, and the answer to each once its inputs are there."""
 
-import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from enum import Enum, auto
@@ -14,8 +13,6 @@ from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import CertainTokens
-
-log = logging.getLogger("zteam")
 
 _WINDOW = 1000
 """Ticks that timing looks back."""

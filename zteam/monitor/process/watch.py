@@ -1,6 +1,5 @@
 """Feeds a team from the bus: statuses, the holders of the names, the link, and which processes command a robot."""
 
-import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -15,8 +14,6 @@ from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenLossFilter, Writers
 from zteam.simulator.client import SimStatus, find_status
-
-log = logging.getLogger("zteam")
 
 LOOK = 2.0
 """Host seconds between two looks."""

@@ -1,6 +1,5 @@
 """What has come for one robot, and what the team's transforms say of it."""
 
-import logging
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -17,8 +16,6 @@ from zteam.transforms import TransformException
 from zteam.transforms.client import Lookup, TransformClient, find_frames
 from zteam.transforms.lasers import LaserMounts
 from zteam.transforms.listener import TransformListener
-
-log = logging.getLogger("zteam")
 
 _ANSWER_LIMIT = 1.0
 """Host seconds for the aggregator to tell what it knows."""
