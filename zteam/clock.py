@@ -166,6 +166,17 @@ def pause(seconds: float) -> None:
     time.sleep(seconds)
 
 
+def later(seconds: float, act: Callable[[], None], name: str) -> Callable[[], None]:
+    """Call `act()` on the host's clock, in a thread of this name; returns what takes it back.
+
+    Use it only where no other thread can wait for a condition.
+    """
+    timer = threading.Timer(seconds, act)
+    timer.name, timer.daemon = name, True
+    timer.start()
+    return timer.cancel
+
+
 def local_time_text(moment: int | None = None) -> str:
     """The host's local time of day, now or at `moment` (ns since the Unix epoch), for log lines: HH:MM:SS."""
     return time.strftime("%H:%M:%S", time.localtime(None if moment is None else moment / NS_PER_S))

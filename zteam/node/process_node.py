@@ -15,7 +15,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
-from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
+from zteam.clock import FREEZES, AutoClock, Rate, later, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.faults import log_fault, offer_stacks, place_in
@@ -125,8 +125,8 @@ class ProcessNode:
         """Whether this is lock-step, and time comes with the ticks."""
         self.claim = Claim(bus, name)
         self.claim.under_name.append(bus.serve_stats(name))
-        self._give_up: threading.Timer | None = None  # noqa: TID251
-        """While the router is lost, if this process may wait for it only so long."""
+        self._call_off_end: Callable[[], None] = lambda: None
+        """For when the router is back in time, if this process may wait for it only so long."""
         stop.on_request(self.wake)
         bus.watch_link(self._on_link)
 
@@ -195,14 +195,11 @@ class ProcessNode:
         else:
             log.warning("router lost: waiting for it to come back")
         self.link_up = up
-        if self._give_up is not None:
-            self._give_up.cancel()
+        self._call_off_end()
         limit = None if self.bus.options is None else self.bus.options.give_up
         if not up and limit is not None:
             # Host time: the main loop may be in a user's step, so no other thread can wait.
-            self._give_up = threading.Timer(limit, self._end_without_router, (limit,))  # noqa: TID251
-            self._give_up.daemon = True
-            self._give_up.start()
+            self._call_off_end = later(limit, partial(self._end_without_router, limit), "give up")
         self.wake()
 
     def _end_without_router(self, limit: float) -> None:

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable
 
 from zteam.bus import Bus
-from zteam.clock import monotonic
+from zteam.clock import later, monotonic
 from zteam.errors import BusError
 
 log = logging.getLogger("zteam")
@@ -134,9 +134,7 @@ class CertainTokens:
         if seconds is not None:
             self._waits = True
             # Host time: the world may be held for the process that is gone.
-            timer = threading.Timer(seconds, self._look_again)  # noqa: TID251
-            timer.name, timer.daemon = "tokens", True
-            timer.start()
+            later(seconds, self._look_again, "tokens")
 
     def _look_again(self) -> None:
         with self._lock:

@@ -6,7 +6,6 @@ that signalled it would end whatever a stranger names.
 """
 
 import signal
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.clock import HOST_FACTOR
+from zteam.clock import HOST_FACTOR, later
 from zteam.config.fault import KINDS, Fault, FaultKind
 from zteam.config.numbers import Seconds, counted, parse_number
 from zteam.config.problems import Problem, problems_of
@@ -114,7 +113,7 @@ class Signals:
         def answer(request: SignalRequest) -> str:
             process = self._find(request.name)
             act = partial(self._signal, process, request.signal, request.seconds)
-            _later(_REPLY, act) if request.name == ROUTER else act()
+            later(_REPLY, act, "signal") if request.name == ROUTER else act()
             return request.name
 
         bus.serve(names.service_key(names.LAUNCHER, names.SIGNAL), SignalRequest, answer)
@@ -125,17 +124,8 @@ class Signals:
             take_back()
         process.signal(_NUMBERS[kind])
         if kind == "pause" and seconds:
-            # By its handle: the next process of this name may run by then.
-            self._resumes[process] = _later(seconds, partial(process.signal, _NUMBERS["resume"]))
-
-
-def _later(seconds: float, act: Callable[[], None]) -> Callable[[], None]:
-    """Do it then; returns what takes it back."""
-    # Host time: a frozen process has no other.
-    timer = threading.Timer(seconds, act)  # noqa: TID251
-    timer.daemon = True
-    timer.start()
-    return timer.cancel
+            # By its handle: the next process of this name may run by then. Host time: a frozen process has no other.
+            self._resumes[process] = later(seconds, partial(process.signal, _NUMBERS["resume"]), "resume")
 
 
 def by_hand(name: str) -> str:

@@ -11,7 +11,7 @@ from typing import Protocol
 import msgspec
 
 from zteam.bus.options import share_arenas
-from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.clock import HOST_FACTOR, later, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
 from zteam.node.launcher import Report
@@ -63,16 +63,16 @@ class _Place(msgspec.Struct, eq=False):
     """Its failures in a row."""
     begun: float = 0.0
     """When it was started last, in host time."""
-    timer: threading.Timer | None = None  # noqa: TID251
-    """Starts it again."""
+    take_back: Callable[[], None] | None = None
+    """Calls off the restart that is due."""
     is_called_off: bool = False
     """Whether it is not started again by itself any more."""
 
     def call_off(self) -> None:
         self.is_called_off = True
-        if self.timer is not None:
-            self.timer.cancel()
-            self.timer = None
+        if self.take_back is not None:
+            self.take_back()
+            self.take_back = None
 
 
 class Supervisor:
@@ -194,17 +194,16 @@ class Supervisor:
             delay = DELAYS[place.in_row - 1]
             log.warning("%s; it is started again in %g s (%d of %d)", told, delay, place.in_row, len(DELAYS))
             # Host time: a restart is due at host time, while the launcher waits for the end of the run.
-            place.timer = threading.Timer(delay, self._restart_now, (member.name, place))  # noqa: TID251
-            place.timer.name, place.timer.daemon = f"restart {member.name}", True
-            place.timer.start()
+            act = partial(self._restart_now, member.name, place)
+            place.take_back = later(delay, act, f"restart {member.name}")
         return True
 
     def _restart_now(self, name: str, place: _Place) -> None:
         # All of it under the lock: what is called off cannot start any more.
         with self._restarting:
-            if place.timer is None:
+            if place.take_back is None:
                 return
-            place.timer = None
+            place.take_back = None
             self.restarts[name] = self.restarts.get(name, 0) + 1
             try:
                 self._begin(name)
