@@ -7,10 +7,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from zteam.bus.options import BusOptions
 from zteam.bus.receiving import Receiver
 from zteam.bus.rights import RightCheck, Use
 from zteam.bus.transport import (
@@ -32,9 +33,6 @@ from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, U
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
 from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
-
-if TYPE_CHECKING:
-    from zteam.bus.options import BusOptions
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
@@ -191,7 +189,7 @@ class Bus:
     """
 
     def __init__(
-        self, transport: Transport, rights: RightCheck | None = None, options: "BusOptions | None" = None
+        self, transport: Transport, rights: RightCheck | None = None, options: BusOptions | None = None
     ) -> None:
         """With `rights` where the router may have an access control."""
         self.transport, self.instance = transport, transport.instance

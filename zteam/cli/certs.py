@@ -15,7 +15,7 @@ from zteam.config.resources import find_team
 from zteam.errors import UsageError, did_you_mean
 from zteam.node.kinds import ROUTER
 from zteam.node.output import print_block, print_json, print_line
-from zteam.team.security.access import explain
+from zteam.team.security.access import explain, rights_of
 from zteam.team.security.certificates import (
     ACCESS,
     CA,
@@ -73,7 +73,6 @@ def build_parser() -> Parser:
 def _init(args: argparse.Namespace) -> None:
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
-    from zteam.team.security.access import rights_of
 
     rights = rights_of(read_team_file(find_team(args.team), parse_arguments(args.arguments)).team)
     with open_authority(args.folder, make=True) as authority:

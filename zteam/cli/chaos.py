@@ -7,6 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import find_processes
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_option, check_together, run_tool
 from zteam.cli.tables import format_table
@@ -16,7 +18,6 @@ from zteam.errors import UsageError, ZteamError
 from zteam.node.output import print_block, print_json, print_line
 
 if TYPE_CHECKING:
-    from zteam.bus import Bus
     from zteam.team.chaos.carry_out import ChaosReport
 
 
@@ -79,9 +80,8 @@ def _work(args: argparse.Namespace) -> int:
     return 1 if report.violations else 0
 
 
-def _processes(bus: "Bus") -> list[str]:
+def _processes(bus: Bus) -> list[str]:
     """The processes of the team: those that hold a name, but for launchers, views and static frames; and the router."""
-    from zteam.bus.presence import find_processes
     from zteam.node.kinds import ROUTER
 
     beside = (names.LAUNCHER, names.STATIC_CALLER, names.GOALS)

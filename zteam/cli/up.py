@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
+from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, BusOptions, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import (
     Parser,
@@ -31,12 +31,12 @@ from zteam.config.resources import find_team, find_world, names, shipped_team, t
 from zteam.config.simulation_options import LockStepOptions, Options, SimOptions
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
+from zteam.node.logs import passing_lines
 from zteam.node.output import print_block
+from zteam.node.shutdown import Stop
 
 if TYPE_CHECKING:
-    from zteam.bus import BusOptions
     from zteam.cli.up_display import RunDisplay
-    from zteam.node.shutdown import Stop
     from zteam.team.launch.plan import TeamLaunch
     from zteam.team.launch.warm_parent import WarmParent
     from zteam.team.run.report import RunReport
@@ -215,10 +215,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     return launch
 
 
-def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent | None") -> int:
+def _run(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, parent: "WarmParent | None") -> int:
     """Run the team as processes of `parent`, or without one in this process, with the same lines."""
     from zteam.cli.up_display import open_display
-    from zteam.node.shutdown import Stop
     from zteam.team.run.processes import Processes
     from zteam.team.run.team_run import TeamRun
 
@@ -226,7 +225,6 @@ def _run(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, pare
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         if parent is None:
-            from zteam.node.logs import passing_lines
             from zteam.team.run.threads import Threads
 
             # From the first `breakpoint()` on a debugger has the terminal. A hook of `breakpoint` itself would show up
@@ -273,7 +271,6 @@ def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace,
     endpoint = team_run.members.endpoint
     log.info("%s, %s; Ctrl+C stops them", what, f"router at {endpoint}" if endpoint else "without a router")
     if args.secure is not None:
-        from zteam.bus.options import DEFAULT_TLS_ENDPOINT
         from zteam.team.security.access import OPERATOR
         from zteam.team.security.certificates import files_of
 
@@ -293,7 +290,7 @@ def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace,
 
 
 def _conclude(
-    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str]
+    team_run: "TeamRun", report: "RunReport | None", stop: Stop, file: str | None, hangs: Iterable[str]
 ) -> int:
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, with
     the texts of those that hang, or if a robot moved on without commands."""

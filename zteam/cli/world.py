@@ -21,6 +21,7 @@ from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.node.output import print_json, print_line
 from zteam.simulator.world import Robot, World, load_world
+from zteam.simulator.world.bodies import read_bitmap
 from zteam.simulator.world.builder import ERRATIC
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
@@ -69,7 +70,6 @@ def _run(args: argparse.Namespace) -> int:
 def _new(args: argparse.Namespace) -> int:
     """Write a world of the whole picture with robots in it, and a team of them that wanders."""
     from zteam.cli.new import TEMPLATES, fill, write_files
-    from zteam.simulator.world.bodies import read_bitmap
 
     picture, metres, robots = args.picture, args.resolution, args.robots
     chosen = args.output or picture

@@ -5,8 +5,9 @@ import threading
 from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from zteam.bus import BusOptions
 from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
@@ -23,8 +24,6 @@ from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Body, NodeThread, Threads
 
-if TYPE_CHECKING:
-    from zteam.bus import BusOptions
 log = logging.getLogger("zteam")
 
 
@@ -37,7 +36,7 @@ def run_team(
     seed: int | None = None,
     world: str | Path | None = None,
     nodes: Mapping[str, Body] | None = None,
-    bus: "BusOptions | None" = None,
+    bus: BusOptions | None = None,
     arguments: Mapping[str, Any] | None = None,
     chaos: str | Path | None = None,
     map_resolution: float | None = None,

@@ -30,11 +30,10 @@ from zteam.team.launch.plan import MEMBER, LaunchPlan, TeamLaunch, plan_team, ro
 from zteam.team.launch.process import ProcessReport, exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Member
-from zteam.team.run.processes import claim_namespace
+from zteam.team.run.processes import Processes, claim_namespace
 from zteam.team.run.report import RunReport, read_report, seconds_since_start
 
 if TYPE_CHECKING:
-    from zteam.team.run.processes import Processes
     from zteam.team.run.threads import Threads
 
 log = logging.getLogger("zteam")
