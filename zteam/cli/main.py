@@ -3,9 +3,12 @@
 import sys
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import NoReturn
 
+from zteam import __version__
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
+from zteam.errors import did_you_mean
 from zteam.node.leaving import leave
 from zteam.node.output import guarded, print_block, print_line
 
@@ -95,8 +98,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         print_line(f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}")
         return 0 if arguments else 2
     if arguments[0] == "--version":
-        from zteam import __version__
-
         print_line(f"zteam {__version__}")
         return 0
     name, *rest = arguments
@@ -108,11 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _unknown(name: str, rest: Sequence[str]) -> str:
     """What to say of a word in the place of a command, before the words `rest`."""
-    from pathlib import Path
-
     from zteam.cli.other_words import commands_called
     from zteam.config.resources import existing_file, shipped_team
-    from zteam.errors import did_you_mean
 
     if shipped_team(name) or existing_file(Path(name)):
         return f"no command {name!r}: did you mean 'zteam {' '.join(['up', name, *rest])}'?"
