@@ -4,9 +4,8 @@ from typing import ClassVar
 
 import msgspec
 
+from zteam.clock import NS_PER_S
 from zteam.messages.message import Message, bool_, float32, float64, int32, uint8, uint32
-
-_NS = 1_000_000_000
 
 
 class Time(Message):
@@ -110,9 +109,9 @@ class LogLevel:
 
 def time_from_ns(nanoseconds: int) -> Time:
     """A stamp from integer nanoseconds."""
-    return Time(nanoseconds // _NS, nanoseconds % _NS)
+    return Time(nanoseconds // NS_PER_S, nanoseconds % NS_PER_S)
 
 
 def ns_from_time(time: Time) -> int:
     """Integer nanoseconds from a stamp."""
-    return time.sec * _NS + time.nanosec
+    return time.sec * NS_PER_S + time.nanosec
