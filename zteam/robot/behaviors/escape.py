@@ -71,15 +71,15 @@ TURNS_WITHIN = to_ns(1.0)
 """Nanoseconds without turning after which it looks for a way."""
 HAS_TURNED = 0.05
 """Radians; a smaller change of heading is no turn."""
-FREED = 1.0
-"""Metres from there after which it is free."""
+FREED, ROOM = 1.0, 0.1
+"""Metres from there after which it is free; and between it and a teammate, which may be what holds it."""
 COMES, COMES_WITHIN = 0.2, to_ns(4.0)
 """Metres that it has to come away in so many nanoseconds where it wants to get to a place."""
 AGAIN = to_ns(0.5)
 """Nanoseconds without being asked after which what it wanted before does not count."""
-SPEED, BACK_SPEED, TURN_RATE = 0.3, 0.2, 1.0
+SPEED, BACK_SPEED, TURN_RATE = 0.3, 0.2, 1.5
 """m/s and rad/s of a move."""
-GAIN, LEAST = 2.0, 0.1
+GAIN, LEAST = 4.0, 0.1
 """1/s: speed by what is left of a move; and m/s and rad/s at least."""
 DONE = 0.05
 """Metres or radians to the end of a move at which it is done."""
@@ -98,6 +98,11 @@ RESTS = to_ns(1.0)
 """Nanoseconds from a search that found no way to the next one."""
 
 
+def _is_mate_near(view: View) -> bool:
+    """Whether a teammate may be in the way of a turn."""
+    return any(math.hypot(*mate.pose[:2]) < view.base.radius + ROOM + mate.base.radius for mate in view.teammates)
+
+
 class Escape:
     """Watches whether a robot gets on, and moves it where it does not."""
 
@@ -106,6 +111,8 @@ class Escape:
         """The heading (rad) or place in odometry from which it has not got on, and since when (ns)."""
         self._stuck_at: Point2 | None = None
         """Where it got stuck, in odometry; None while it is free."""
+        self._by_mate = False
+        """Whether a teammate was near when it got stuck."""
         self._stood: tuple[Point2, int] = (math.inf, math.inf), 0
         """Where in odometry it got on last, and when (ns)."""
         self._asked = self._looks_at = 0
@@ -148,7 +155,7 @@ class Escape:
         if self._stuck_at is None and now - min(self._turned[1], self._came[1]) > LOOKS_ROUND:
             self._look_round(view, own)
         if self._stuck_at is None and now > self._looks_at and (cannot_turn or now - self._came[1] > COMES_WITHIN):
-            self._stuck_at, self._moves = own[:2], []
+            self._stuck_at, self._moves, self._by_mate = own[:2], [], _is_mate_near(view)
             if cannot_turn:
                 self._failed.append((now, 2 if command.angular.z > 0.0 else -2, own))
         if self._stuck_at is None:
@@ -156,7 +163,9 @@ class Escape:
         self._look_round(view, own)
         aside = math.copysign(0.5 * math.pi, command.angular.z)
         freed = self._move(view, own)
-        if freed is None and (not self._moves or way) and math.dist(own[:2], self._stuck_at) < FREED:
+        has_gone = self._by_mate and not _is_mate_near(view)
+        is_free = has_gone or math.dist(own[:2], self._stuck_at) > FREED
+        if freed is None and (not self._moves or way) and not is_free:
             self._find(view, own, way or [(math.cos(aside), math.sin(aside))])
             freed = self._move(view, own)
         if freed is None:
@@ -178,13 +187,16 @@ class Escape:
         return bool(self._moves)
 
     def makes_room(self, view: View, *, counts: bool) -> bool:
-        """Whether the robot leaves a place where it has stood for long. Where it has a reason to stand it does not."""
+        """Whether the robot leaves a place where it has stood for long. A reason to stand stops its clock."""
         at = (0.0, 0.0) if view.odom is None else pose2_of(view.odom.pose.pose)[:2]
-        if not counts or math.dist(at, self._stood[0]) > KNOT:
+        if math.dist(at, self._stood[0]) > KNOT:
             self._stood = at, view.now
-        if view.now - self._stood[1] > STANDS and not self.is_moving and view.random(0) < LOOSENS:
-            self.leave(view)
-        return self._stuck_at == (math.inf, math.inf)
+        elif not counts:
+            self._stood = self._stood[0], self._stood[1] + to_ns(view.dt)
+        leaves = self._stuck_at == (math.inf, math.inf)
+        if not leaves and view.now - self._stood[1] > STANDS and view.random(0) < LOOSENS:
+            leaves = self.leave(view)
+        return leaves
 
     def _look_round(self, view: View, own: Pose2) -> None:
         """Remember what the laser sees now and then: it does not look behind. Teammates move, and are known."""

@@ -39,10 +39,11 @@ class Spreading:
 
     def is_due(self, view: View, role: LineRole) -> bool:
         """Whether they do now: the line has turned twice within a short time."""
-        if role.turns != self._turns:
+        if role.turns > self._turns:
             if view.now - max(self._turned, self._until) < AGAIN:
                 self._until = view.now + LASTS
-            self._turns, self._turned = role.turns, view.now
+            self._turned = view.now
+        self._turns = role.turns
         return role.may_turn and view.now < self._until
 
 
