@@ -67,7 +67,13 @@ double meet(
     double turn, double seconds, double margin, double x, double y, double radius)
 {
     const double centre_x = -speed_y / turn, centre_y = speed_x / turn;
-    double first = INFINITY;
+    double first = INFINITY, nearest = INFINITY;
+    for (int64_t i = 0; i < count; i++) {
+        double depth = depth_of(points[i], points[count + i], planes, sides);
+        nearest = CLOSEST < depth && depth < nearest ? depth : nearest;
+    }
+    /* It may move along a wall that is nearer than the margin now: other points of that come as near. */
+    margin = margin < nearest ? margin : nearest;
     for (int64_t i = 0; i < count; i++) {
         double px = points[i], py = points[count + i];
         if (!((px - x) * (px - x) + (py - y) * (py - y) <= radius * radius))

@@ -49,8 +49,9 @@ def share_for_room(
     return min(needed, 1.0)
 
 
-SIDE, NARROW = 0.8, 0.8
-"""Metres beside a robot, and what the shares of both sides come to in a corridor that the walls need of them."""
+NARROW, ACROSS, OPPOSITE, FACING = 1.5, math.radians(110.0), math.radians(120.0), math.radians(150.0)
+"""Metres from wall to wall of a corridor; radians from the nearest hit to those on the other wall, to the nearest of
+them, and to that where the laser looks no further: the other wall of a room's corner is nearest 90° from it."""
 ABOUT, MOST = 7, 0.7
 """Cells about a place, and the share of those that were looked at that may be open where it is narrow: about a corner
 of a room more of them are."""
@@ -64,6 +65,23 @@ MOST_CELLS = 2000
 """The newest ones are kept."""
 
 Cell = tuple[int, int]
+
+
+def is_narrow(view: View) -> bool:
+    """Whether walls are on both sides of the robot."""
+    beams = None if view.scan is None else beams_of(view.scan)
+    hits = np.empty((2, 0)) if beams is None else beams.find_hits(NARROW)
+    for mate in view.teammates:
+        hits = hits[:, np.hypot(hits[0] - mate.pose.x, hits[1] - mate.pose.y) > BODY]
+    if not hits.size:
+        return False
+    ranges, bearings = np.hypot(*hits), np.arctan2(hits[1], hits[0])
+    nearest = ranges.argmin()
+    apart = np.abs((bearings - bearings[nearest] + math.pi) % math.tau - math.pi)
+    across = np.where(apart > ACROSS, ranges, math.inf)
+    other = across.argmin()
+    is_last = other in (0, ranges.size - 1)
+    return bool(ranges[nearest] + across[other] < NARROW and apart[other] > (FACING if is_last else OPPOSITE))
 
 
 class Row:
@@ -97,13 +115,7 @@ class Row:
     def look(self, view: View, here: Pose2) -> None:
         """Note where the robots are, and whether walls are on both sides of this one, which is `here` (map)."""
         self.note({mate.robot_id: here.compose(mate.pose)[:2] for mate in view.teammates} | {view.robot_id: here[:2]})
-        mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
-        shares = [
-            share_for_room(view.scan, [Pose2(0.0, 0.0, 0.0)], mates, SIDE - right, right, view.base.half_width, BEHIND)
-            for right in (0.0, SIDE)
-            if view.scan is not None
-        ]
-        self.note_walls(here[:2], sum(shares) > NARROW and min(shares) > 0.0)
+        self.note_walls(here[:2], is_narrow(view))
 
     def note_walls(self, place: Point2, are_there: bool = True) -> None:
         """Whether walls are on both sides of this place."""

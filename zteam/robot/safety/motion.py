@@ -99,8 +99,8 @@ def swept_disc(outline: Outline, motion: Velocity, seconds: float) -> tuple[floa
 def meeting_time(outline: Outline, motion: Velocity, seconds: float, points: Floats, clearance: float = 0.0) -> float:
     """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
 
-    inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
-    always move away.
+    inf if it does not. Where it is nearer to a point than that now, what counts is when it comes nearer still to that
+    one, or as near to another: so a base may always move away, and along a wall.
     """
     margin, (x, y, radius) = margin_of(outline, motion) + clearance, swept_disc(outline, motion, seconds)
     return kernels.meet(np.ascontiguousarray(points), outline.rows, motion, seconds, margin, (x, y, radius + clearance))

@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from zteam.robot.behaviors.row import Row
+from support.flat_floor import LASER, Segment, cast, make_scan, make_view
+from zteam.geometry import Pose2
+from zteam.robot.behaviors.row import Row, is_narrow
 
 BEND = {0: (0.0, 0.0), 1: (0.8, 0.0), 2: (1.6, 0.0), 3: (1.6, 0.9), 4: (0.8, 0.9)}
 """A team in a corridor that goes round a wall: the last one is nearer to the first than the one in the middle."""
@@ -75,3 +77,28 @@ def test_the_oldest_ways_are_forgotten() -> None:
     assert math.isfinite(row.find(0)[1])
     row.note({0: (1250.0, 0.0), 2: (1250.0, 0.4)})
     assert list(row.find(0)) == [2]
+
+
+CORRIDOR = [(-9.0, -0.5, 9.0, -0.5), (-9.0, 0.5, 9.0, 0.5)]
+BEND_WALLS = [(-9.0, -0.5, 0.5, -0.5), (0.5, -0.5, 0.5, 9.0), (-9.0, 0.5, -0.5, 0.5), (-0.5, 0.5, -0.5, 9.0)]
+CORNER = [(-0.45, -0.45, 9.0, -0.45), (-0.45, -0.45, -0.45, 9.0)]
+
+
+@pytest.mark.parametrize(
+    ("walls", "degrees", "narrow"),
+    [(CORRIDOR, 0.0, True), (CORRIDOR, 45.0, True), (CORNER, 0.0, False), (CORNER, 45.0, False), (CORNER, 90.0, False)],
+)
+def test_a_corridor_is_narrow_and_a_corner_is_not(walls: list[Segment], degrees: float, narrow: bool) -> None:
+    """Whichever way the robot looks, the nearest wall of a corridor has one across from it."""
+    assert looks_narrow(walls, degrees) is narrow
+
+
+def test_a_bend_is_narrow() -> None:
+    """Across from its outer walls there is the edge of the inner ones."""
+    assert looks_narrow(BEND_WALLS, 45.0)
+
+
+def looks_narrow(walls: list[Segment], degrees: float) -> bool:
+    """Whether walls are on both sides of a robot at the origin that looks in this direction."""
+    pose = Pose2(0.0, 0.0, math.radians(degrees))
+    return is_narrow(make_view(make_scan(cast(pose.compose(LASER), walls)), laser=LASER[:2]))

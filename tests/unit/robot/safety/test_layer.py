@@ -95,6 +95,18 @@ def test_it_gets_away_from_a_wall_beside_it_that_its_tail_would_touch() -> None:
     assert robot.pose.y > 0.3
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_turns_out_of_a_corner_in_which_two_of_its_own_are_near(side: float) -> None:
+    """Two corners of its outline are 7 mm from two walls: other points of those come as near, and it turns away."""
+    yaw, edge = side * -0.76, 0.007
+    corners = [Pose2(0.0, 0.0, yaw).compose(Pose2(x, y, 0.0)) for x, y in Base().footprint]
+    right, top = max(corner.x for corner in corners) + edge, max(side * corner.y for corner in corners) + edge
+    robot = Drive([(right, -9.0, right, 9.0), (-9.0, side * top, 9.0, side * top)], pose=Pose2(0.0, 0.0, yaw))
+    for _ in range(20):
+        robot.step(0.0, side * 1.5)
+    assert side * robot.pose.yaw > 0.2
+
+
 def test_it_drives_on_when_the_way_is_free() -> None:
     """What is stopped is not held for ever: the obstacle goes away, and the robot drives at once."""
     robot = Drive([(2.0, -5.0, 2.0, 5.0)])
