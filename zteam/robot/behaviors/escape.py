@@ -193,10 +193,8 @@ class Escape:
             self._stood = at, view.now
         elif not counts:
             self._stood = self._stood[0], self._stood[1] + to_ns(view.dt)
-        leaves = self._stuck_at == (math.inf, math.inf)
-        if not leaves and view.now - self._stood[1] > STANDS and view.random(0) < LOOSENS:
-            leaves = self.leave(view)
-        return leaves
+        is_leaving, stands = self._stuck_at == (math.inf, math.inf), view.now - self._stood[1] > STANDS
+        return is_leaving or (stands and view.random(0) < LOOSENS and self.leave(view))
 
     def _look_round(self, view: View, own: Pose2) -> None:
         """Remember what the laser sees now and then: it does not look behind. Teammates move, and are known."""

@@ -84,8 +84,8 @@ class Around:
 FREE, CLOSER = 0.75, 0.55
 """Metres ahead that have to be free for it to drive straight on, and where it finds no heading: it sees round a corner
 from near the wall. The nearer it drives to the walls of a room, the longer is the line that fits into it."""
-ROOMY = 1.0
-"""Metres that have to be free along a new heading."""
+ROOMY, TIGHT = 1.0, 0.85
+"""Metres that have to be free along a new heading; and with a long line, which itself fills a room."""
 HALF_WIDTH, MATE = 0.06, 0.62
 """Metres beside the base's radius that have to be free on either side; and within which a robot is in the way."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
@@ -93,7 +93,7 @@ HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
 OTHER_SIDE = 0.5
 """Radians by which a turn to the other side than last time has to be smaller: so it goes round a room."""
 CHANCE, LONG = 0.01, 5
-"""How often in a step it draws a direction without need; not with so many robots behind it."""
+"""How often in a step it draws a direction without need, unless its line is long: so many robots behind it."""
 ON_THE_SPOT = 0.8
 """Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
 NARROW = 0.7
@@ -155,14 +155,14 @@ class Head:
             self._escape.rest()
             return Twist(), reason
         if self._escape.is_moving:
-            turn = self._least_turn(view, scan) if ahead > NARROW else None
+            turn = self._least_turn(view, scan, role) if ahead > NARROW else None
             if turn is None or abs(turn) > ON_THE_SPOT:
                 return self._escape.free(view, Twist(angular=Vector3(z=turn_rate))), ""
             self._escape.rest()
             self._heading = normalize_angle(own.yaw + turn)
         draws = ahead >= FREE and len(role.after) < LONG and view.random() < CHANCE
         if self._heading is None and (ahead < FREE or draws):
-            turn = self._least_turn(view, scan, draws=draws)
+            turn = self._least_turn(view, scan, role, draws=draws)
             if ahead > CLOSER and turn is None:
                 return Twist(Vector3(speed * share)), "" if share else reason
             if turn is None and view.now - self._since > FIRST:
@@ -174,9 +174,10 @@ class Head:
             return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
-    def _least_turn(self, view: View, scan: LaserScan, *, draws: bool = False) -> float | None:
+    def _least_turn(self, view: View, scan: LaserScan, role: LineRole, *, draws: bool = False) -> float | None:
         """The heading with room (rad) that is the least to the side, or a drawn one; None without any."""
-        free = [heading for heading in HEADINGS if self._room(view, scan, heading) > ROOMY and is_seen(scan, heading)]
+        least = ROOMY if len(role.after) < LONG else TIGHT
+        free = [heading for heading in HEADINGS if self._room(view, scan, heading) > least and is_seen(scan, heading)]
         if draws and free:
             return free[int(len(free) * view.random(1))]
         turn = min(free, key=lambda heading: abs(heading) + OTHER_SIDE * (heading * self._side < 0.0), default=None)

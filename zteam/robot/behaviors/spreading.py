@@ -14,7 +14,7 @@ from zteam.robot.view import View, is_seen, look_along
 
 LASTS = to_ns(8.0)
 """Nanoseconds for which the robots spread out."""
-AGAIN = to_ns(10.0)
+AGAIN = to_ns(15.0)
 """Nanoseconds: a head that hands over sooner could not advance. The time of spreading out is not counted."""
 STEP, FREE = 0.3, 0.55
 """Metres to the places that a robot compares, and metres that have to be free of walls towards one."""

@@ -62,10 +62,12 @@ def test_it_drives_straight_on_while_there_is_room(ahead: float, straight: bool)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_turns_only_to_where_there_is_room(side: float) -> None:
-    """A wall ahead, 0.95 m free on one side and 1.8 m on the other: it turns to the other."""
-    left, right = (1.8, 0.95) if side > 0.0 else (0.95, 1.8)
-    command, _ = lead(Head(), look(START, box(left, right, 0.6, 20.0), 1.0))
+@pytest.mark.parametrize(("less", "behind"), [(0.95, 4), (0.8, 5)])
+def test_it_turns_only_to_where_there_is_room(side: float, less: float, behind: int) -> None:
+    """A wall ahead, too little room on one side and 1.8 m on the other: it turns to the other. With five robots behind
+    it less room will do."""
+    left, right = (1.8, less) if side > 0.0 else (less, 1.8)
+    command, _ = lead(Head(), look(START, box(left, right, 0.6, 20.0), 1.0), after=tuple(range(1, 1 + behind)))
     assert command is not None
     assert command.linear.x == 0.0
     assert command.angular.z * side > 0.0
