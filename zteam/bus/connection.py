@@ -136,14 +136,15 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
 
 
 def _why_no_session(options: BusOptions) -> str:
-    """Why no session was opened, and what to do; empty where nothing listens."""
+    """Why no session was opened, and what to do; empty where nothing listens, or over another protocol than TCP."""
+    if (address := host_port(options.endpoint)) is None:
+        return ""
     if port_accepts(options.endpoint):
         return ": ".join(why_refused(options))
-    host, port = host_port(options.endpoint) or ("", 0)
     try:
-        socket.getaddrinfo(host, port)
+        socket.getaddrinfo(*address)
     except (socket.gaierror, UnicodeError):
-        return f"no host has the name {host!r}: check --connect {options.endpoint}"
+        return f"no host has the name {address[0]!r}: check --connect {options.endpoint}"
     return ""
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MAX_PIXELS = 64_000_000
 MAX_BYTES = 65_536
-MAX_RESOLUTION = 100.0
+MIN_RESOLUTION, MAX_RESOLUTION = 1e-4, 100.0
 _FORMATS = ("PPM", "PNG", "BMP", "JPEG", "GIF")
 _BYTE_MODES = ("L", "LA", "RGB", "RGBA")
 
@@ -75,7 +75,7 @@ class MapFile(msgspec.Struct, frozen=True):
 
     image: Annotated[str, msgspec.Meta(min_length=1)]
     """The name of the picture beside it."""
-    resolution: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_RESOLUTION)]
+    resolution: Annotated[float, msgspec.Meta(ge=MIN_RESOLUTION, le=MAX_RESOLUTION)]
     """Metres a cell."""
     origin: Pose2 = Pose2(0.0, 0.0, 0.0)
     """In `map`, of the lower left corner of the first cell."""

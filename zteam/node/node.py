@@ -322,7 +322,8 @@ class Node(ProcessNode):
         check_call(step, 1, f"node.run({step!r:.60}): write node.run(step) with a function 'def step(now): …'")
         if not (isinstance(period, Real) and 0.0 <= period < math.inf):
             raise UsageError(f"node.run(step, period={period!r}): give the seconds between two steps, such as 0.1")
-        self.was_run, self.claim.info.is_users = True, names.navigated_robot_of(self.name) is None
+        is_own = self.name == names.GOALS or names.navigated_robot_of(self.name) is not None
+        self.was_run, self.claim.info.is_users = True, not is_own
         status, readiness = None, Readiness(gated=gate, way_out="" if self.in_team else "zteam-monitor")
         if gate:
             self.follow_go()

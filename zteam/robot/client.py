@@ -16,7 +16,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change, NoRequest
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
-from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
+from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError, ZteamError
 from zteam.messages import NavigationState, PoseStamped
 from zteam.monitor.observer import TeamObserver
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
@@ -236,6 +236,13 @@ class StopResult(msgspec.Struct):
         if self.missing:
             parts.append(f"not confirmed by {', '.join(self.missing)} within {CONFIRM_LIMIT:g} s")
         return f"{name}: {'; '.join(filter(None, (*parts, self.problem)))}"
+
+
+def need_done(results: Sequence[StopResult], error: type[ZteamError] = ZteamError) -> None:
+    """Raise an error that names the processes that have not confirmed it."""
+    failed = [str(result) for result in results if not result.is_done]
+    if failed or not results:
+        raise error("; ".join(failed) or "no robot is there")
 
 
 class StopClient:

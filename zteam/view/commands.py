@@ -134,8 +134,8 @@ class Commands:
         self._simulator = simulator = SimulatorClient(bus)
         stops, set_parameters = client.StopClient(bus, state.queries.names), client.ParametersClient(bus).set
         self._acts: Mapping[str, Callable[[Any], object]] = {
-            "stop_robots": lambda _: _need_done(stops.engage()),
-            "release_robots": lambda _: _need_done(stops.release()),
+            "stop_robots": lambda _: client.need_done(stops.engage()),
+            "release_robots": lambda _: client.need_done(stops.release()),
             "goal": self._send_goals,
             "cancel": self._cancel_goals,
             "resume_lists": lambda _: client.pause_lists(bus, paused=False),
@@ -252,10 +252,3 @@ class Commands:
             pause(0.01)
         publisher.put(message)
         return True
-
-
-def _need_done(results: Sequence[client.StopResult]) -> None:
-    """Raise ZteamError that names the processes that have not confirmed it."""
-    failed = [str(result) for result in results if not result.is_done]
-    if failed or not results:
-        raise ZteamError("; ".join(failed) or "no robot is there")

@@ -176,3 +176,9 @@ def test_a_reason_is_given_once_and_again_when_it_has_changed(monkeypatch: pytes
             given.append((now, said))
     assert looked == [1.0, 6.0, 16.0, 36.0, 76.0, 136.0, 196.0]
     assert given == [(1.0, "frozen: wait"), (36.0, "held: wait"), (136.0, ""), (196.0, "held: wait")]
+
+
+@pytest.mark.parametrize("endpoint", ["udp/127.0.0.1:7459", "unixsock-stream//tmp/zteam-nobody"])
+def test_nothing_is_said_of_what_holds_an_endpoint_that_tcp_does_not_reach(endpoint: str) -> None:
+    """Over another protocol no look shows whether a program is there that speaks no Zenoh."""
+    assert Reasons(BusOptions(connect=endpoint), 0.0).look() == ""

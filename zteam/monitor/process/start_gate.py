@@ -229,6 +229,10 @@ class Gate:
         self._tell_unexpected(robot_id)
 
     def _lose(self, robot_id: int, member: KnownRobot) -> None:
+        if member.status is None and not self.counts(robot_id):
+            # A tool held the name for a moment, such as a teleop of a robot that the world lacks.
+            del self.members[robot_id]
+            return
         member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
         # A process that comes later under this name speaks for itself.
         member.status = None

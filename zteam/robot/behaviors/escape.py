@@ -163,8 +163,7 @@ class Escape:
         self._look_round(view, own)
         aside = math.copysign(0.5 * math.pi, command.angular.z)
         freed = self._move(view, own)
-        has_gone = self._by_mate and not _is_mate_near(view)
-        is_free = has_gone or math.dist(own[:2], self._stuck_at) > FREED
+        is_free = (self._by_mate and not _is_mate_near(view)) or math.dist(own[:2], self._stuck_at) > FREED
         if freed is None and (not self._moves or way) and not is_free:
             self._find(view, own, way or [(math.cos(aside), math.sin(aside))])
             freed = self._move(view, own)

@@ -53,8 +53,10 @@ class SafetyLog:
                 self.stops += not self._began
                 self._began, self._stands = self._began or now, stands
                 wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
-                done, speed = "stopped" if stands else "slowed", wanted.linear.x or wanted.linear.y
-                log.info("safety: %s %s (%.2f m/s): %s", done, wanting, speed, trouble)
+                speed = wanted.linear.x or wanted.linear.y
+                slows = "backs up" if wanted.linear.x < 0.0 else "drives" if speed else "turns"
+                done = f"stopped {wanting} ({speed:.2f} m/s)" if stands else f"{wanting} {slows} slowly"
+                log.info("safety: %s: %s", done, trouble)
         elif self._began and wanted.linear.x:
             self._free = self._free or now
             if now - self._free >= FREE_AFTER:

@@ -31,7 +31,7 @@ from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import look_in
-from zteam.robot.client import StopClient, StopResult
+from zteam.robot.client import StopClient, need_done
 from zteam.simulator.client import SimReport, SimStatus, SimulatorClient
 from zteam.team.arguments import checks_arguments
 from zteam.team.chaos.means import Means
@@ -370,7 +370,7 @@ class TeamFixture:
         """Stop the robots where they are, all or these, as `zteam stop` does, until `release`. With the `name` of a
         process: ask that process to end (SIGTERM), or a node in this process; its exit code."""
         if name is None:
-            _need_confirmed(self._stops("stop").engage(robots))
+            need_done(self._stops("stop").engage(robots), TeamTimeout)
             return None
         if robots is not None:
             raise UsageError("team.stop: give the name of a process to end, or robots to stop")
@@ -381,7 +381,7 @@ class TeamFixture:
 
     def release(self, robots: Collection[int] | None = None) -> None:
         """Let the robots that were stopped go on, all or these."""
-        _need_confirmed(self._stops("release").release(robots))
+        need_done(self._stops("release").release(robots), TeamTimeout)
 
     def _stops(self, call: str) -> StopClient:
         self._need_team(call)
@@ -538,9 +538,3 @@ def search_folders() -> list[str]:
     installed |= {str(stdlib / "lib-dynload"), str(stdlib.parent / f"python{version}.zip")}
     entries = [str(Path(entry).absolute()) for entry in sys.path if isinstance(entry, str) and entry not in installed]
     return list(dict.fromkeys(entries))
-
-
-def _need_confirmed(results: Sequence[StopResult]) -> None:
-    failed = [str(result) for result in results if not result.is_done]
-    if failed or not results:
-        raise TeamTimeout("; ".join(failed) or "no robot is there")

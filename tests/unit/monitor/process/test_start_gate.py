@@ -276,7 +276,8 @@ def shown(limit: EventLimit, events: list[Event], now: float, *, counts: bool) -
 
 def test_invented_robots_and_forged_statuses_fill_no_log() -> None:
     """Of thousands of faults of one robot 8 are shown, and the last of them says so; 10 s later it begins anew. Robots
-    that do not count share 16 lines, and 64 of those that were lost are remembered."""
+    that do not count share 16 lines, and 64 of those that were lost are remembered; a tool that held the name of one is
+    not."""
     limit, faults = EventLimit(), [Event("fault", 1, f"fault: {i}") for i in range(3000)]
     lines = shown(limit, faults, 0.0, counts=True)
     assert (len(lines), lines[-1]) == (8, "robot_1 fault: 7 (further lines of this kind are left out for 10 s)")
@@ -288,6 +289,9 @@ def test_invented_robots_and_forged_statuses_fill_no_log() -> None:
     come(gate, 0, 1)
     for i in range(100, 2100):
         gate.on_token(i, True)
+        gate.on_status(i, status(i), 1.0)
         gate.on_token(i, False)
     gate.on_token(1, False)
+    gate.on_token(7, True)
+    gate.on_token(7, False)
     assert (len(gate.members), gate.lost) == (2 + 64, [1, *range(100, 164)])

@@ -357,9 +357,9 @@ def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
         note(98, 120, ahead, lambda _: "")
         note(120, 121, Twist(Vector3(y=0.2)), lambda _: Reason("it cannot see left", slows=True))
     assert log.lines[2:] == [
-        "safety: slowed teleop (-0.40 m/s): it cannot see behind",
+        "safety: teleop backs up slowly: it cannot see behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
         "safety: the way is free again after 0.8 s",
-        "safety: slowed forward (0.20 m/s): it cannot see left",
+        "safety: forward drives slowly: it cannot see left",
     ]
     assert safety.stops == 3

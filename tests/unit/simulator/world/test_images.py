@@ -180,7 +180,7 @@ def test_a_model_may_stand_on_a_yaml(tmp_path: Path) -> None:
         ({"image": "gone.pgm"}, "gone.pgm"),
         ({"mode": ["a", "b"]}, "mode: "),
         ({"resolution": 10**400}, "resolution: "),
-        ({"resolution": float("nan")}, "resolution: a number above 0"),
+        ({"resolution": float("nan")}, "resolution: a number of at least 0.0001"),
         ({"origin": [1e300, 0, 0]}, "origin: x, y and yaw are numbers"),
         ({"free_thresh": 0.9}, "free_thresh: it is below occupied_thresh"),
     ],
