@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from zteam.config.foreign_files import refuse_head
+from zteam.config.foreign_files import name_foreign, refuse_head
 from zteam.errors import UsageError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -55,7 +55,8 @@ def find_team(text: str | Path, folder: Path = Path()) -> Path:
     text = from_home(str(text))
     found = existing_file(folder / text) or shipped_team(text)
     if text.endswith(".world") or (found is None and shipped_world(text)):
-        raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
+        with name_foreign(found or folder / text, "world"):
+            raise UsageError(f"team {text!r}: that is a world; say 'zteam up --world {text}' or 'zteam-sim {text}'")
     return found or _refuse(folder / text, text, "team", teams_folder(), ".toml")
 
 

@@ -94,9 +94,8 @@ OTHER_SIDE = 0.5
 """Radians by which a turn to the other side than last time has to be smaller: so it goes round a room."""
 CHANCE, LONG = 0.01, 5
 """How often in a step it draws a direction without need, unless its line is long: so many robots behind it."""
-ON_THE_SPOT = 0.8
-"""Radians: it turns on the spot to a heading that is further off, or where less than NARROW metres are free."""
-NARROW = 0.7
+ON_THE_SPOT, NARROW = 0.8, 0.7
+"""Radians: it turns on the spot to a heading that is further off; and metres: so it does where less is free ahead."""
 ALIGNED, TURN_GAIN = 0.1, 2.0
 """Radians to its heading from which on it drives straight; and 1/s."""
 GIVES_UP, PROGRESS = (to_ns(6.0), to_ns(40.0)), (0.4, 2.0)
