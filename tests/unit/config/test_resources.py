@@ -79,8 +79,8 @@ def test_a_file_of_the_other_kind_is_named_as_such() -> None:
         resources.find_world("line")
 
 
-def test_a_world_of_another_simulator_in_the_place_of_a_team_is_told_what_it_is(tmp_path: Path) -> None:
-    """The command that a world of zteam's would need does not help there."""
+def test_a_world_of_another_simulator_is_named_as_such(tmp_path: Path) -> None:
+    """No command is suggested that would refuse it."""
     (tmp_path / "gz.world").write_text('<?xml version="1.0"?>\n<sdf version="1.6"><world name="w"/></sdf>\n')
     with pytest.raises(UsageError, match=r"gz.world: this is a file of Gazebo \(SDF\)"):
         resources.find_team("gz.world", tmp_path)

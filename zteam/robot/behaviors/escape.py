@@ -72,7 +72,7 @@ TURNS_WITHIN = to_ns(1.0)
 HAS_TURNED = 0.05
 """Radians; a smaller change of heading is no turn."""
 FREED, ROOM = 1.0, 0.1
-"""Metres from there after which it is free; and between it and a teammate, which may be what holds it."""
+"""Metres from there after which it is free; and to a teammate that may block it."""
 COMES, COMES_WITHIN = 0.2, to_ns(4.0)
 """Metres that it has to come away in so many nanoseconds where it wants to get to a place."""
 AGAIN = to_ns(0.5)
@@ -99,7 +99,7 @@ RESTS = to_ns(1.0)
 
 
 def _is_mate_near(view: View) -> bool:
-    """Whether a teammate may be in the way of a turn."""
+    """Whether a teammate may block a turn."""
     return any(math.hypot(*mate.pose[:2]) < view.base.radius + ROOM + mate.base.radius for mate in view.teammates)
 
 

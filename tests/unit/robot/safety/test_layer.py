@@ -96,8 +96,8 @@ def test_it_gets_away_from_a_wall_beside_it_that_its_tail_would_touch() -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_turns_out_of_a_corner_in_which_two_of_its_own_are_near(side: float) -> None:
-    """Two corners of its outline are 7 mm from two walls: other points of those come as near, and it turns away."""
+def test_a_robot_near_both_walls_of_a_corner_can_turn(side: float) -> None:
+    """Two corners of its outline are 7 mm from the walls, nearer than the margin. The turn brings neither nearer."""
     yaw, edge = side * -0.76, 0.007
     corners = [Pose2(0.0, 0.0, yaw).compose(Pose2(x, y, 0.0)) for x, y in Base().footprint]
     right, top = max(corner.x for corner in corners) + edge, max(side * corner.y for corner in corners) + edge
