@@ -119,7 +119,8 @@ def check_bases(facts: Facts) -> Iterator[Finding]:
     # One child of each.
     for parent, child in sorted({parent: child for child, parent in frames.items()}.items()):
         robot_id, local = names.split_robot_key(parent) or (None, parent)
-        is_told = robot_id is not None and (robot_id in told or local in (names.ODOM, names.BASE_FOOTPRINT))
+        is_base = local in (names.ODOM, names.BASE_FOOTPRINT) and (robot_id is not None or told)
+        is_told = is_base or robot_id in told
         if parent not in {*frames, *names.GLOBAL_FRAMES} and not is_told:
             step = f"publish where {parent} is ([[static_transforms]], or joint_states for a URDF's joint)"
             step = f"{step}, or give {child} another parent{did_you_mean(parent, frames.keys() - {child})}"
@@ -153,10 +154,12 @@ def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
         return None if frame == names.MAP_FRAME else (f"{names.MAP_FRAME} -> {frame}", step)
     edge, step = f"{odom} -> {base}", f"it is due on {tf}: see 'zteam topic info {tf}'"
     for child, parent in sorted(frames.items()):
-        is_base = parent.endswith(f"/{names.ODOM}") or child.endswith(f"/{names.BASE_LINK}")
-        if is_base and parent.startswith(own) and parent not in {*frames, base} - {odom}:
+        is_base = f"/{parent}".endswith(f"/{names.ODOM}") or f"/{child}".endswith(f"/{names.BASE_LINK}")
+        is_global = "/" not in parent
+        if is_base and (is_global or parent.startswith(own)) and parent not in {*frames, base} - {odom}:
             static = f"; or [[static_transforms]] of the team file: parent = {child!r}, child = {base!r}"
             step = f"have the base name them odom and base_footprint, with or without {own} in front"
+            step += ": a leading slash makes names that are of no robot" * is_global
             return f"{edge}, but there is {parent} -> {child}", step + static * (parent == odom)
     return edge, step
 
@@ -192,7 +195,8 @@ def _boot_step(facts: Facts, status: RobotStatus) -> str:
         return "its data comes when the world goes on"
     if not _has_base(facts, status.robot_id):
         return _SOURCE
-    return f"'zteam topic info {scans}' names the publishers of its scans"
+    meant = did_you_mean(scans, facts.writers, form="; something publishes on {}: rename that topic")
+    return f"'zteam topic info {scans}' names the publishers of its scans{meant}"
 
 
 def check_silence(facts: Facts) -> Iterator[Finding]:
@@ -265,8 +269,9 @@ def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:
 
 def _works_without(kind: kinds.Kind, facts: Facts) -> str:
     """Why the team works without a kind of process; empty if it does not."""
-    if kind.name == names.SIMULATOR and any(names.scan_key(robot_id, 0) in facts.writers for robot_id in facts.robots):
-        return "the robots get scans of other processes"
+    driven = (key for i in facts.robots for key in (names.scan_key(i, 0), names.robot_key(i, names.ODOM)))
+    if kind.name == names.SIMULATOR and any(key in facts.writers for key in driven):
+        return "the robots get data of other processes"
     if kind.name == names.MONITOR and facts.statuses:
         running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
         return "all robots run, but their health is not watched" if running else ""

@@ -254,13 +254,13 @@ NODES = (OWN, *dict.fromkeys(place.node for place in _PLACES.values()))
 
 
 def navigation_of_robot(
-    table: Mapping[str, Any], robot_id: int, folder: Path, source: str
+    table: Mapping[str, Any], robot_id: int, folder: Path, source: str, cell: float = math.inf
 ) -> tuple[Parameters, list[str]]:
     """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`; and the names of those
     that have no effect, sorted: `node.name`, or `name` if several nodes have it.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
-    `ros__parameters`. Raises UsageError; `source` is what the table is called there.
+    `ros__parameters`. Raises UsageError; `source` is what the table is called there. `cell`: metres a cell of the map.
     """
     file, notes = table.get("params"), []
     given: Tables = {}
@@ -290,11 +290,11 @@ def navigation_of_robot(
         key = name if node == OWN else f"{node}.{name}".rstrip(".")
         return f"{source if name in there or (name not in tables.get(node, {}) and there) else file or source}: {key}"
 
-    return _read_parameters(tables, place, notes)
+    return _read_parameters(tables, place, notes, cell)
 
 
 def _read_parameters(
-    tables: Tables, place_of: Callable[[str, str], str], notes: list[str]
+    tables: Tables, place_of: Callable[[str, str], str], notes: list[str], cell: float
 ) -> tuple[Parameters, list[str]]:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with the place of each key, for wrong values."""
     found, servers = dict[str, Any](), dict[str, msgspec.Struct]()
@@ -334,7 +334,7 @@ def _read_parameters(
     if not problems:
         problems = [
             f"{place_of(node, '')}: {what} is {value:.3g}: at most {most:g}, or {why}"
-            for node, what, value, most, why in _products(parameters)
+            for node, what, value, most, why in _products(parameters, cell)
             if value > most
         ]
     if problems:
@@ -349,19 +349,21 @@ def _read_parameters(
     return parameters, sorted(name if len(nodes) > 1 else f"{nodes[0]}.{name}" for name, nodes in ignored.items())
 
 
-def _products(parameters: Parameters) -> Iterator[tuple[str, str, float, float, str]]:
-    """What several parameters make together: node, what it is, its value, the most, and what else would happen."""
+def _products(parameters: Parameters, cell: float) -> Iterator[tuple[str, str, float, float, str]]:
+    """What several parameters, and the map's cells (m), make together: node, what it is, its value, the most, and why."""
     amcl, window, pursuit, recovery = parameters.amcl, parameters.local_window, parameters.pursuit, parameters.recovery
     cells, radius = 1.0 / window.resolution, window.outline(DEFAULT_BASE).circumscribed_radius
     ahead = (pursuit.desired_linear_vel + pursuit.rotate_to_heading_angular_vel * radius) * cells
     ahead *= pursuit.max_allowed_time_to_collision_up_to_carrot
     aside = (recovery.backup_speed + recovery.rotational_vel * radius) * recovery.simulate_ahead_time * cells
     reach = math.ceil(parameters.local_layers.inflation_radius * cells)
+    far = math.ceil(parameters.global_layers.inflation_radius / cell)
     guesses = amcl.max_beams * max(amcl.max_particles, amcl.global_particles)
     slow, late = "an update takes longer than half a second", "a command is not checked in time"
     yield "local_costmap", "width × height / resolution²", window.width * window.height * cells**2, 4e6, slow
     yield "local_costmap", "outline / resolution", radius * cells, 1e4, "it is wider than any costmap"
     yield "local_costmap", "inflation_radius / resolution", reach, MAX_CELLS, "the squares of distances overflow"
+    yield "global_costmap", f"inflation_radius / {cell:g} m a cell", far, MAX_CELLS, "the squares of distances overflow"
     yield "amcl", "max_beams × the larger of max_particles and global_particles", guesses, 1e8, slow
     yield "controller_server", "speed × max_allowed_time_to_collision_up_to_carrot / resolution", ahead, 1e5, late
     yield "behavior_server", "speed × simulate_ahead_time / resolution", aside, 1e5, late

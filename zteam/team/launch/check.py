@@ -8,10 +8,11 @@ import os
 import re
 import shutil
 from codecs import BOM_UTF8
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from zteam import names
 from zteam.config.problems import Problem
@@ -78,32 +79,37 @@ def _question(entry: RobotEntry) -> Question:
     return Question(spec, params, list(_ROBOT_KEYS))
 
 
-def _refused(path: tuple[str | int, ...], read: Callable[[], object]) -> Iterator[Problem]:
-    """One problem at `path` for each mistake that `read()` raises."""
+T = TypeVar("T")
+
+
+def _refused(path: tuple[str | int, ...], read: Callable[[], T]) -> Generator[Problem, None, T | None]:
+    """One problem at `path` for each mistake that `read()` raises; returns what it returns."""
     try:
-        read()
+        return read()
     except UsageError as error:
-        for line in str(error).splitlines():
-            yield Problem(path, line.removeprefix(": "))
+        yield from (Problem(path, line.removeprefix(": ")) for line in str(error).splitlines())
+    return None
 
 
 def _file_problems(file: TeamFile) -> Iterator[Problem]:
     """Parameters of a navigation with wrong types, here or in a parameter file; descriptions and the map in place of
     the simulator's own that cannot be used. Imports are inside, because few teams have these."""
-    folder = file.path.parent
+    folder, cell = file.path.parent, file.team.simulation.map_resolution
+    if file.team.team.map is not None:
+        from zteam.config.map_files import read_map_file
+
+        found = yield from _refused(("team", "map"), partial(read_map_file, folder / file.team.team.map))
+        cell = found.resolution if found else cell
     for i, entry in file.robots.items():
-        if table := navigation_of(entry):
+        if (table := navigation_of(entry)) is not None:
             from zteam.navigation.planning.parameters import navigation_of_robot
 
-            yield from _refused(("robots", i, "navigation"), partial(navigation_of_robot, table, entry.id, folder, ""))
+            read = partial(navigation_of_robot, table, entry.id, folder, "", cell)
+            yield from _refused(("robots", i, "navigation"), read)
         if entry.description is not None:
             from zteam.transforms.urdf import read_description
 
             yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
-    if file.team.team.map is not None:
-        from zteam.config.map_files import read_map_file
-
-        yield from _refused(("team", "map"), partial(read_map_file, folder / file.team.team.map))
 
 
 def _node_problems(file: TeamFile) -> Iterator[Problem]:

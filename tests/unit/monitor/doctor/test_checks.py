@@ -381,6 +381,11 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem transforms: robot_1 … but there is robot_1/t/odom -> robot_1/t/base_link -> have the base name them …",
         "problem robots: robot_1 is not ready (boot): waiting -> have the base name them odom and …",
     ),
+    "a base whose frames are of no robot": (
+        with_second(boots(1, "waiting"), frames={**IN_MAP, "base_link": "odom"}),
+        "problem transforms: robot_1 … but there is odom -> base_link -> … a leading slash makes names that are …",
+        "problem robots: robot_1 is not ready (boot): waiting -> have the base name them odom and …",
+    ),
     "a base without a base_footprint": (
         with_second(
             robot_status(1), frames={**IN_MAP, **of_robot(1, {"odom": "map", "base_link": "odom", "x": "base_link"})},

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from support.limits import LIMIT
 from zteam import run_team
@@ -331,6 +332,17 @@ def test_a_map_that_cannot_be_served_is_told_before_the_start(tmp_path: Path, te
     """At the line of the key."""
     (tmp_path / "hall.yaml").write_text(text)
     assert mistakes_of(tmp_path, f'[team]\nworld = "arena"\nmap = "hall.yaml"\n{ROBOT}') == ["3 team.map"]
+
+
+@pytest.mark.parametrize("table", ['map = "hall.yaml"\n', "[simulation]\nmap_resolution = 0.003\n"])
+def test_a_radius_of_too_many_cells_of_the_map_is_told_before_the_start(tmp_path: Path, table: str) -> None:
+    """Whether the map is a file's or the simulator's, and also where the radius is the default one, 0.7 m."""
+    Image.new("L", (9, 9), 255).save(tmp_path / "hall.png")
+    (tmp_path / "hall.yaml").write_text("image: hall.png\nresolution: 0.003\norigin: [0, 0, 0]\n")
+    text = f'[team]\nworld = "arena"\n{table}{ROBOT}navigation = '
+    line = text.count("\n") + 1
+    assert mistakes_of(tmp_path, f"{text}true\n") == [f"{line} robots[0].navigation"]
+    check(tmp_path, f"{text}{{ global_costmap = {{ inflation_layer = {{ inflation_radius = 0.5 }} }} }}\n")
 
 
 WORLD = """
