@@ -138,10 +138,10 @@ def _number(base: str, item: Any, path: str) -> Any:
         if isinstance(item, bool):
             return item
     elif base.startswith("float"):
-        expected = "a number below 1.8e308" if is_number else "a number"
-        with contextlib.suppress(OverflowError):
-            if is_number or item is None:
-                return math.nan if item is None else float(item)
+        most = float(np.finfo(base).max)
+        expected = f"a number up to {most:.2g}" if is_number else "a number"
+        if item is None or (is_number and not most < abs(item) < math.inf):
+            return math.nan if item is None else float(item)
     else:
         limits = np.iinfo(base)
         expected = f"a whole number from {limits.min} to {limits.max}"

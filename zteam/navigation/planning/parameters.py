@@ -350,7 +350,7 @@ def _read_parameters(
 
 
 def _products(parameters: Parameters, cell: float) -> Iterator[tuple[str, str, float, float, str]]:
-    """What several parameters, and the map's cells (m), make together: node, what it is, its value, the most, and why."""
+    """What parameters and the map's cells (m) make together: node, what it is, its value, the most, and why."""
     amcl, window, pursuit, recovery = parameters.amcl, parameters.local_window, parameters.pursuit, parameters.recovery
     cells, radius = 1.0 / window.resolution, window.outline(DEFAULT_BASE).circumscribed_radius
     ahead = (pursuit.desired_linear_vel + pursuit.rotate_to_heading_angular_vel * radius) * cells
