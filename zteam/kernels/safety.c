@@ -62,6 +62,11 @@ static double meet_turning(
     return met;
 }
 
+static int is_within(double x, double y, double radius)
+{
+    return x * x + y * y <= radius * radius;
+}
+
 double meet(
     const double *points, int64_t count, const double *planes, int64_t sides, double speed_x, double speed_y,
     double turn, double seconds, double margin, double x, double y, double radius)
@@ -69,14 +74,17 @@ double meet(
     const double centre_x = -speed_y / turn, centre_y = speed_x / turn;
     double first = INFINITY, nearest = INFINITY;
     for (int64_t i = 0; i < count; i++) {
-        double depth = depth_of(points[i], points[count + i], planes, sides);
-        nearest = CLOSEST < depth && depth < nearest ? depth : nearest;
+        double px = points[i], py = points[count + i];
+        if (is_within(px - x, py - y, radius)) {
+            double depth = depth_of(px, py, planes, sides);
+            nearest = CLOSEST < depth && depth < nearest ? depth : nearest;
+        }
     }
     /* It may move along a wall that is nearer than the margin now: other points of that come as near. */
     margin = margin < nearest ? margin : nearest;
     for (int64_t i = 0; i < count; i++) {
         double px = points[i], py = points[count + i];
-        if (!((px - x) * (px - x) + (py - y) * (py - y) <= radius * radius))
+        if (!is_within(px - x, py - y, radius))
             continue;
         double depth = depth_of(px, py, planes, sides);
         /* Where it is nearer than the margin now, it may come a little nearer. */

@@ -7,9 +7,11 @@ room for a head that keeps its place, and that may turn back into its line.
 import math
 from collections.abc import Sequence, Set
 
+import numpy as np
+
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Point2, Pose2, curvature_to, normalize_angle
+from zteam.geometry import Point2, Pose2, curvature_to, in_polygon, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
@@ -86,12 +88,15 @@ FREE, CLOSER = 0.75, 0.55
 from near the wall. The nearer it drives to the walls of a room, the longer is the line that fits into it."""
 ROOMY, TIGHT = 1.0, 0.85
 """Metres that have to be free along a new heading; and with a long line, which itself fills a room."""
+INTO = 0.6
+"""Metres ahead at which a heading leads into the ring of a long line, or does not."""
 HALF_WIDTH, MATE = 0.06, 0.62
 """Metres beside the base's radius that have to be free on either side; and within which a robot is in the way."""
 HEADINGS = tuple(math.radians(10.0 * step) for step in range(-11, 12))
 """Of which it takes one: never back past its own line."""
 OTHER_SIDE = 0.5
-"""Radians by which a turn to the other side than last time has to be smaller: so it goes round a room."""
+"""Radians by which a turn to the other side than last time, or to the middle of a long line, has to be smaller: so it
+goes round a room."""
 CHANCE, LONG = 0.01, 5
 """How often in a step it draws a direction without need, unless its line is long: so many robots behind it."""
 ON_THE_SPOT, NARROW = 0.8, 0.7
@@ -174,12 +179,21 @@ class Head:
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
     def _least_turn(self, view: View, scan: LaserScan, role: LineRole, *, draws: bool = False) -> float | None:
-        """The heading with room (rad) that is the least to the side, or a drawn one; None without any."""
-        least = ROOMY if len(role.after) < LONG else TIGHT
+        """The heading with room (rad) that is the least to the side, or a drawn one; None without any.
+
+        A long line turns away from its own middle, and not into the ring that it makes: that is a dead end.
+        """
+        is_long, side = len(role.after) >= LONG, self._side
+        least = TIGHT if is_long else ROOMY
         free = [heading for heading in HEADINGS if self._room(view, scan, heading) > least and is_seen(scan, heading)]
         if draws and free:
             return free[int(len(free) * view.random(1))]
-        turn = min(free, key=lambda heading: abs(heading) + OTHER_SIDE * (heading * self._side < 0.0), default=None)
+        if is_long:
+            at = {mate.robot_id: mate.pose[:2] for mate in view.teammates}
+            ring = np.array([(0.0, 0.0), *(at[robot] for robot in role.after if robot in at)])
+            is_in = in_polygon(ring, INTO * np.cos(free), INTO * np.sin(free))
+            side, free = -ring[:, 1].sum(), [heading for heading, leads in zip(free, is_in, strict=True) if not leads]
+        turn = min(free, key=lambda heading: abs(heading) + OTHER_SIDE * (heading * side < 0.0), default=None)
         self._side = turn or self._side
         return turn
 
@@ -199,8 +213,9 @@ BESIDE = 0.4
 """Metres beside each other up to which two robots that come towards each other cannot pass."""
 BACK_SPEED = 0.2
 """m/s at which it drives back."""
-PATIENCE, MOVED, TURNED = to_ns(2.5), 0.1, 1.0
-"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians."""
+PATIENCE, MOVED, TURNED, FREED = to_ns(2.5), 0.1, 1.0, 0.5
+"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians;
+until it has moved so many metres."""
 ROOM = 1.6
 """Metres from base to base that it then gets."""
 FACING, FACED = 1.2, 2.0
@@ -214,14 +229,16 @@ class BoxedIn:
 
     def __init__(self) -> None:
         self._leader, self._since, self._has_turned = Pose2(0.0, 0.0, 0.0), 0, False
-        """Where it has got on last, and when, and whether it has turned there."""
+        self._is_boxed = False
+        """Where it has got on last, and when, and whether it has turned there, and is boxed in."""
 
     def look(self, now: int, leader: Pose2) -> bool:
         """Whether it is boxed in, at `leader` in map at time `now` (ns)."""
-        if not self._since or math.dist(leader[:2], self._leader[:2]) > MOVED:
+        if not self._since or math.dist(leader[:2], self._leader[:2]) > (FREED if self._is_boxed else MOVED):
             self._leader, self._since, self._has_turned = leader, now, False
         self._has_turned = self._has_turned or abs(normalize_angle(leader.yaw - self._leader.yaw)) > TURNED
-        return self._has_turned and now - self._since > PATIENCE
+        self._is_boxed = self._has_turned and now - self._since > PATIENCE
+        return self._is_boxed
 
 
 class MakingRoom:

@@ -11,7 +11,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NoParams
-from zteam.robot.behaviors.evasion import Head
+from zteam.robot.behaviors.evasion import BoxedIn, Head
 from zteam.robot.behaviors.line import LineRole
 from zteam.robot.view import own_pose
 
@@ -71,6 +71,19 @@ def test_it_turns_only_to_where_there_is_room(side: float, less: float, behind: 
     assert command is not None
     assert command.linear.x == 0.0
     assert command.angular.z * side > 0.0
+
+
+RING = {1: (-0.8, 0.0), 2: (-1.6, 0.0), 3: (-1.6, -1.9), 4: (-0.8, -1.9), 5: (0.0, -1.9), 6: (0.8, -1.9)}
+
+
+@pytest.mark.parametrize(("left", "turns"), [(1.8, 1.0), (0.7, None)])
+def test_the_head_of_a_long_line_keeps_out_of_its_own_ring(left: float, turns: float | None) -> None:
+    """It turns to the side where its line is not, and hands over where there is no room on that side."""
+    head = Head()
+    for tick in range(31):
+        lead(head, look(START, OPEN, 1.0 + 0.1 * tick), after=tuple(RING))
+    command, _ = lead(head, look(START, box(left, 20.0, 0.6, 20.0), 4.1, RING), after=tuple(RING))
+    assert (None if command is None else command.angular.z) == turns
 
 
 def test_it_hands_over_where_it_does_not_get_on() -> None:
@@ -189,3 +202,11 @@ def test_it_drives_on_through_the_bends_of_a_narrow_corridor(side: int, turned_a
     assert side * track[-1].y > 2.6
     assert leader.handed_over < (6 if turned_away else 2)
     assert min(clearance(pose, walls) for pose in track) > 0.12
+
+
+def test_a_leader_is_boxed_in_until_it_has_come_half_a_metre_away() -> None:
+    """One that turned by more than a radian on a place for 2.5 s; the robots that made room do not come back before."""
+    boxed_in = BoxedIn()
+    places = [(0.0, 0.0, 0.1), (0.05, 1.2, 1.0), (0.05, 1.2, 3.0), (0.4, 1.2, 4.0), (0.6, 1.2, 5.0), (0.6, 3.0, 6.0)]
+    told = [boxed_in.look(to_ns(seconds), Pose2(x, 0.0, yaw)) for x, yaw, seconds in places]
+    assert told == [False, False, True, True, False, False]
