@@ -1,7 +1,10 @@
-"""Errors that a user may see: each is one line that names the place and the fix. And texts that may be printed."""
+"""Errors that a user may see: each is one line that names the place and the fix. The log, and texts for a terminal."""
 
 import contextlib
+import logging
 from collections import abc
+
+log = logging.getLogger("zteam")
 
 
 class ZteamError(Exception):

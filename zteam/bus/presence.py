@@ -5,7 +5,6 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
-import logging
 import os
 import socket
 import threading
@@ -19,10 +18,8 @@ from zteam import names
 from zteam.bus.bus import Bus, NoRequest
 from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
-from zteam.errors import BusError, DuplicateNameError
+from zteam.errors import BusError, DuplicateNameError, log
 from zteam.version import __version__
-
-log = logging.getLogger("zteam")
 
 CLAIM_WAIT = 0.1 * HOST_FACTOR
 """Host seconds for the tokens of others to come."""

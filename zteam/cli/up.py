@@ -2,7 +2,6 @@
 
 import argparse
 import gc
-import logging
 import os
 import shlex
 import sys
@@ -29,7 +28,7 @@ from zteam.cli.options import (
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.config.simulation_options import LockStepOptions, Options, SimOptions
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, log
 from zteam.names import VIEW
 from zteam.node.logs import passing_lines
 from zteam.node.output import print_block
@@ -42,7 +41,6 @@ if TYPE_CHECKING:
     from zteam.team.run.report import RunReport
     from zteam.team.run.team_run import TeamRun
 
-log = logging.getLogger("zteam")
 
 _SWITCHES = {
     "--help-args": "list the arguments that the team file takes, and end",

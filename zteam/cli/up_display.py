@@ -1,6 +1,5 @@
 """What `zteam up` shows of a running team: on a terminal one live line, elsewhere a log line now and then."""
 
-import logging
 import re
 import sys
 import threading
@@ -9,12 +8,10 @@ from contextlib import contextmanager
 
 from zteam.cli.tables import duration_text
 from zteam.config.numbers import counted, format_factor
-from zteam.errors import printable
+from zteam.errors import log, printable
 from zteam.node.live_line import LiveLine, has_color, has_live_line
 from zteam.node.output import Clean, painted, print_line
 from zteam.team.launch.progress import Overview, TeamOverview
-
-log = logging.getLogger("zteam")
 
 _TAB = "\t"
 _OWN_COLORS = re.compile(r"\033\[[0-9;]*m")

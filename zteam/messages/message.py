@@ -1,7 +1,6 @@
 """What every message type is made of: base class, fields and their forms on the wire, defaults; types by name."""
 
 import difflib
-import logging
 from functools import cache, lru_cache
 from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -10,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.config.entry_points import MESSAGES, load_offered, offered
-from zteam.errors import UsageError
-
-log = logging.getLogger("zteam")
+from zteam.errors import UsageError, log
 
 bool_ = Annotated[bool, "bool"]
 int8 = Annotated[int, "int8"]

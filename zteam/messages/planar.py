@@ -1,6 +1,5 @@
 """Poses of messages in the plane, and back; and velocities that a step returns."""
 
-import logging
 import math
 from collections import defaultdict
 from collections.abc import Callable
@@ -9,12 +8,11 @@ from typing import Any
 
 from zteam import names
 from zteam.clock import Every
-from zteam.errors import BehaviorError
+from zteam.errors import BehaviorError, log
 from zteam.geometry import FAR, Pose2, quaternion_from_yaw, turn_problem, yaw_from_quaternion
 from zteam.messages.geometry_msgs import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
 from zteam.messages.std_msgs import ns_from_time
 
-log = logging.getLogger("zteam")
 _MAY_WARN: dict[int, Every] = defaultdict(lambda: Every(60.0))
 """By robot."""
 

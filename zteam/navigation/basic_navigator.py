@@ -1,6 +1,5 @@
 """`zteam.BasicNavigator`: Nav2's simple commander for one robot, for scripts and for nodes of one's own."""
 
-import logging
 import math
 from collections.abc import Callable, Sequence
 
@@ -10,14 +9,12 @@ import numpy as np
 from zteam import messages, names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.clock import Every, monotonic
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, UsageError, log
 from zteam.geometry import Pose2
 from zteam.messages.planar import is_finite
 from zteam.navigation.client import NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
 from zteam.simulator.client import team_clock
-
-log = logging.getLogger("zteam")
 
 AnyPose = messages.PoseStamped | Pose2
 """A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""

@@ -15,15 +15,13 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.clock import monotonic, wait_until
-from zteam.errors import BusError
+from zteam.errors import BusError, log
 from zteam.geometry import Pose2
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.messages.planar import pose2_of, pose_message
 from zteam.node.node import Node
 from zteam.robot import client as robot_client
 from zteam.robot.client import CANCEL, GONE, ON_THE_WAY, SETTLED, CancelReply, CancelRequest, is_same_goal
-
-log = logging.getLogger("zteam")
 
 GLOBAL_LOCALIZATION = "global_localization"
 NAVIGATION, GO_TO = "navigation", "go_to"

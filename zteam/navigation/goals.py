@@ -12,14 +12,12 @@ from zteam import names
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.resources import read_yaml
-from zteam.errors import ConfigError, UsageError, did_you_mean
+from zteam.errors import ConfigError, UsageError, did_you_mean, log
 from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
 from zteam.robot.client import serve_list
-
-log = logging.getLogger("zteam")
 
 _CANCEL_LIMIT = 1.0
 """Host seconds for all robots to give up their goals when the process ends."""

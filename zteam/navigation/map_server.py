@@ -1,14 +1,11 @@
 """The map server's process: one map on `map`, kept for late subscribers."""
 
-import logging
-
 from zteam import names
+from zteam.errors import log
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.maps import map_message
 from zteam.node.process_node import ProcessNode
-
-log = logging.getLogger("zteam")
 
 
 def run_map_server(node: ProcessNode, grid: GridMap, source: str) -> None:

@@ -2,7 +2,6 @@
 
 import contextlib
 import faulthandler
-import logging
 import os
 import re
 import signal
@@ -13,10 +12,9 @@ from pathlib import Path
 from traceback import FrameSummary, StackSummary
 
 from zteam.clock import HOST_FACTOR, monotonic, pause
+from zteam.errors import log
 from zteam.node.launcher import report
 from zteam.node.shutdown import Stop
-
-log = logging.getLogger("zteam")
 
 _OWN = str(Path(__file__).parents[1])
 """The folder of zteam."""

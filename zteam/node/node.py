@@ -1,6 +1,5 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
-import logging
 import math
 import threading
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
 from zteam.bus.graph import find_graph, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.errors import BusError, UsageError, check_call
+from zteam.errors import BusError, UsageError, check_call, log
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamState, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
@@ -29,8 +28,6 @@ from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
 from zteam.node.working import StepWatch
-
-log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 

@@ -1,7 +1,6 @@
 """What every process is: a node with a name on the bus, one condition to wait on, the team's time, an orderly end."""
 
 import gc
-import logging
 import sys
 import threading
 import traceback
@@ -16,7 +15,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
 from zteam.clock import FREEZES, AutoClock, Rate, later, monotonic, to_seconds, wait_until
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError, log
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.faults import log_fault, offer_stacks, place_in
 from zteam.node.log_client import LogPublisher
@@ -24,8 +23,6 @@ from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop
 from zteam.node.tokens import CertainTokens
 from zteam.node.working import watch_process
-
-log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 S = TypeVar("S")

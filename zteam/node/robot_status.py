@@ -4,7 +4,6 @@ Behaviours may listen to the status. So in lock-step it is made in the robot's s
 other processes ask for meanwhile is the last one again.
 """
 
-import logging
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -13,11 +12,10 @@ import msgspec
 from zteam import messages, names
 from zteam.bus import Publisher
 from zteam.clock import Every, to_ns
+from zteam.errors import log
 from zteam.node.process_node import ProcessNode
 from zteam.node.stopping import STOPPED, StopSwitch
 from zteam.reasons import Reason
-
-log = logging.getLogger("zteam")
 
 _MONITORS = 0.1
 """Host seconds between two statuses for monitors that have just come: any program may hold tokens."""

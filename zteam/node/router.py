@@ -1,18 +1,15 @@
 """The router process. `python -m zteam.node.router ENDPOINT LEASE IDLE_EXIT` is the one on demand (`spawn_router`)."""
 
-import logging
 import os
 import sys
 
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, open_team_router
-from zteam.errors import ZteamError
+from zteam.errors import ZteamError, log
 from zteam.node.launcher import report, take_link
 from zteam.node.leaving import leave, show_name
 from zteam.node.logs import start_logging
 from zteam.node.shutdown import Stop
-
-log = logging.getLogger("zteam")
 
 
 def run_router(options: RouterOptions, *, announce: bool = False) -> int:

@@ -13,10 +13,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from zteam.clock import HOST_FACTOR
+from zteam.errors import log
 from zteam.node.launcher import take_link
 from zteam.node.working import hanging
-
-log = logging.getLogger("zteam")
 
 HARD_EXIT = 1.5 * HOST_FACTOR
 """Seconds from the stop request until the process ends whatever hangs (closing a session can take 10 s)."""

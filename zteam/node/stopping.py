@@ -4,7 +4,6 @@ While it is stopped, each of them commands zero velocity, whatever the robot was
 from the others whether its robot is stopped, so that this outlasts the end of each of them.
 """
 
-import logging
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -16,8 +15,7 @@ from zteam import names
 from zteam.bus import Bus, Change, NoRequest
 from zteam.bus.transport import Closeable, Held
 from zteam.clock import HOST_FACTOR, monotonic
-
-log = logging.getLogger("zteam")
+from zteam.errors import log
 
 STOPPED = "stopped (zteam stop --release)"
 """Why a robot stands that is stopped."""

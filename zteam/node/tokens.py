@@ -1,15 +1,12 @@
 """Which processes are there, and which have commanded a robot of late."""
 
-import logging
 import threading
 from collections import defaultdict
 from collections.abc import Callable
 
 from zteam.bus import Bus
 from zteam.clock import later, monotonic
-from zteam.errors import BusError
-
-log = logging.getLogger("zteam")
+from zteam.errors import BusError, log
 
 GRACE = 0.25
 """Host seconds that a vanished token is held back."""

@@ -5,7 +5,6 @@ steps that are under way, and at whether the process itself was frozen (`clock.F
 blamed for what it missed.
 """
 
-import logging
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -17,8 +16,7 @@ from typing import TypeVar
 import msgspec
 
 from zteam.clock import FREEZE_WATCH, FREEZES, Every, monotonic, pause
-
-log = logging.getLogger("zteam")
+from zteam.errors import log
 
 T = TypeVar("T")
 

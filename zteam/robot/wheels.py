@@ -3,7 +3,6 @@
 Of several that drive one robot the one drives whose key was pressed last; the others give way.
 """
 
-import logging
 import threading
 
 from zteam import names
@@ -12,13 +11,11 @@ from zteam.bus.graph import describe_sessions
 from zteam.bus.presence import Claim
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
-from zteam.errors import DuplicateNameError, ZteamError
+from zteam.errors import DuplicateNameError, ZteamError, log
 from zteam.messages import RobotStatus, Twist
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch, ask_stopped
 from zteam.simulator.client import absence_of
-
-log = logging.getLogger("zteam")
 
 GAP = 0.5
 """Host seconds without a command after which a sender has let go of the robot, as for its mux."""

@@ -4,18 +4,15 @@ Each reads the files that its options name, so that a mistake is told before a b
 functions: a process pays for its own kind alone.
 """
 
-import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.config.numbers import counted
-from zteam.errors import UsageError
+from zteam.errors import UsageError, log
 from zteam.node import process_options
 from zteam.node.process_node import ClockMode, ProcessNode
-
-log = logging.getLogger("zteam")
 
 
 class Part(NamedTuple):

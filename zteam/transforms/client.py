@@ -3,7 +3,6 @@
 The answer to `tf/frames` is a `zteam.tf.FrameInfo` for each child frame.
 """
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
@@ -11,13 +10,11 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.errors import BusError
+from zteam.errors import BusError, log
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Clock, TFMessage, Time, TransformStamped, ns_from_time, time_from_ns
 from zteam.transforms import Buffer, FrameInfo, errors
 from zteam.transforms.rigid import stamped_transform
-
-log = logging.getLogger("zteam")
 
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""

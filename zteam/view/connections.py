@@ -7,7 +7,6 @@ import contextlib
 import errno
 import hmac
 import ipaddress
-import logging
 import re
 import resource
 import secrets
@@ -21,7 +20,7 @@ from starlette.types import Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-log = logging.getLogger("zteam")
+from zteam.errors import log
 
 _HOST = re.compile(r"(?:\[([^\[\]]+)\]|([^:\[\]]+))(?::[0-9]*)?")
 """An address of IPv6 in brackets, or a name or another address; then a port."""

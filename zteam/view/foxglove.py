@@ -18,7 +18,7 @@ from zteam import messages, names
 from zteam.bus.graph import robots_of
 from zteam.bus.transport import Closeable, Declaration, RawSample
 from zteam.clock import Every, wall_ns
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError, log
 from zteam.messages import Message, ns_from_time, type_of_encoding
 from zteam.messages.message import definition_of
 from zteam.messages.topics import is_latched, type_of_key
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from foxglove import Channel
     from foxglove.websocket import ChannelView, Client
 
-log = logging.getLogger("zteam")
 
 KEYS_PERIOD = 1.0
 """Host seconds between two looks at which keys there are."""

@@ -1,7 +1,6 @@
 """The view's process: it may be started and ended at any time, and a team takes no notice."""
 
 import io
-import logging
 import os
 import socket
 import subprocess
@@ -15,7 +14,7 @@ from urllib.parse import quote, urlsplit
 import msgspec
 
 from zteam.bus.transport import decode_json
-from zteam.errors import DecodeError, UsageError
+from zteam.errors import DecodeError, UsageError, log
 from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
@@ -23,8 +22,6 @@ from zteam.view.connections import is_loopback, make_token
 from zteam.view.foxglove import serve_foxglove, write_layout
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView
-
-log = logging.getLogger("zteam")
 
 
 def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None]) -> None:

@@ -2,7 +2,6 @@
 and what the doctor finds.
 """
 
-import logging
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing, suppress
@@ -16,7 +15,7 @@ from zteam.bus.connection import connect
 from zteam.bus.graph import KeyRow, find_rows
 from zteam.bus.transport import Declaration
 from zteam.clock import Every, monotonic, wall_ns
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, ZteamError, log
 from zteam.messages import RobotStatus
 from zteam.monitor.doctor.examination import examine
 from zteam.monitor.doctor.facts import Finding
@@ -37,8 +36,6 @@ def topic_row(row: KeyRow) -> dict[str, Any]:
     publishers, subscribers = len(row.publishers), len(row.subscribers)
     return {"key": row.key, "type": row.type, "hz": hz, "publishers": publishers, "subscribers": subscribers}
 
-
-log = logging.getLogger("zteam")
 
 T = TypeVar("T")
 

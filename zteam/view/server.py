@@ -21,7 +21,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
-from zteam.errors import DecodeError, UsageError
+from zteam.errors import DecodeError, UsageError, log
 from zteam.messages import Twist, Vector3
 from zteam.view import requests
 from zteam.view.commands import Commands
@@ -212,9 +212,6 @@ class Page:
             await self._socket.send_text(msgspec.json.encode({"op": "refused", "reason": reason}).decode())
             # A close frame has 123 bytes of reason at most.
             await self._socket.close(POLICY_VIOLATION, reason.encode()[:120].decode(errors="ignore"))
-
-
-log = logging.getLogger("zteam")
 
 
 def _is_own_fault(record: logging.LogRecord) -> bool:

@@ -15,7 +15,7 @@ import msgspec
 from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import ZteamError, printable, short
+from zteam.errors import ZteamError, log, printable, short
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
 from zteam.monitor.process.start_gate import SILENT_AFTER, Event, EventLimit, Gate, KnownRobot
@@ -27,8 +27,6 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.stopping import STOPPED
 from zteam.transforms.client import Lookup, TransformClient
-
-log = logging.getLogger("zteam")
 
 _PIPE_WIDTH = 80
 """Characters of a line of the table where there is no terminal."""

@@ -1,6 +1,5 @@
 """The monitor process: the start gate and the team's health, shown to a user or as JSON lines."""
 
-import logging
 import math
 from contextlib import nullcontext
 
@@ -11,7 +10,7 @@ from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import UsageError
+from zteam.errors import UsageError, log
 from zteam.messages import TeamStatus, Tick, ns_from_time
 from zteam.monitor.process.display import Lines, TeamDisplay, showing
 from zteam.monitor.process.start_gate import FollowedTeam, Gate
@@ -20,8 +19,6 @@ from zteam.node.lockstep import Ticks
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.simulator.client import find_status
-
-log = logging.getLogger("zteam")
 
 
 class Monitor:

@@ -3,7 +3,6 @@
 In lock-step it takes part as one participant, under the name of its first robot, and holds the names of all of them.
 """
 
-import logging
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,7 +16,7 @@ from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
 from zteam.clock import monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import DecodeError, UsageError
+from zteam.errors import DecodeError, UsageError, log
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.navigation.planning.grid import GridMap
@@ -30,8 +29,6 @@ from zteam.navigation.process.robot import RobotNavigation
 from zteam.node.node import Node
 from zteam.node.working import Pauses
 from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
-
-log = logging.getLogger("zteam")
 
 
 class NavigationNode:

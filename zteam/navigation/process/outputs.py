@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from zteam import messages, names
+from zteam.errors import log
 from zteam.geometry import Pose2, Velocity, quaternion_from_yaw
 from zteam.messages.planar import pose_message
 from zteam.navigation.planning import costmap as costs
@@ -17,8 +18,6 @@ from zteam.navigation.process.costmaps import Costmaps
 from zteam.navigation.process.localisers import Localiser
 from zteam.navigation.process.navigator import STOP, Navigator
 from zteam.node.node import Node
-
-log = logging.getLogger("zteam")
 
 _VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
 """Costs as values of an OccupancyGrid, as Costmap2DPublisher of Nav2 has them: 99 inscribed, 100 lethal, -1 unknown."""

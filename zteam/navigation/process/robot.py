@@ -1,9 +1,9 @@
 """The navigation of one robot: its inputs, localiser, costmaps and navigator, step by step."""
 
-import logging
 from collections.abc import Collection
 
 from zteam import names
+from zteam.errors import log
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped
 from zteam.messages.planar import goal_in_map, is_finite, planar
@@ -15,8 +15,6 @@ from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
 from zteam.navigation.process.navigator import STOP, Navigator, slow_down
 from zteam.navigation.process.outputs import Outputs
-
-log = logging.getLogger("zteam")
 
 NO_CARS = "navigation turns on the spot, as no car does: give the robot a base that drives 'diff' or 'omni'"
 NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"

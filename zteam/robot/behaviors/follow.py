@@ -1,12 +1,12 @@
 """Follow another robot: along the trail of the robot ahead, in a line that may be led from either end, or straight."""
 
-import logging
 import math
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
 from zteam import names
+from zteam.errors import log
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior
@@ -45,8 +45,6 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
         Meta(description="what it does as the new head; same: what the lost one did, else avoid"),
     ] = "same"
 
-
-log = logging.getLogger("zteam")
 
 SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
 """What a robot can go on with that takes over: they need no parameters and no further inputs."""

@@ -1,6 +1,5 @@
 """How a robot of a line follows: along the way of the robot that leads, and not too near to the one ahead."""
 
-import logging
 import math
 from collections.abc import Mapping, Sequence, Set
 from itertools import pairwise
@@ -8,6 +7,7 @@ from typing import Any, ClassVar
 
 from zteam import names
 from zteam.clock import to_ns
+from zteam.errors import log
 from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
@@ -29,8 +29,6 @@ from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedL
 from zteam.robot.behaviors.spreading import Spreading, spread
 from zteam.robot.behaviors.steering import Steering
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
-
-log = logging.getLogger("zteam")
 
 OFF = 0.5
 """Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""

@@ -1,6 +1,5 @@
 """The robot's steps: gate, behaviour, velocity mux, safety layer, status. The same in real time and in lock-step."""
 
-import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
-from zteam.errors import UsageError
+from zteam.errors import UsageError, log
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
@@ -24,8 +23,6 @@ from zteam.robot.process.inputs import RobotInputs
 from zteam.robot.safety.layer import SafetyLayer
 from zteam.robot.safety.motion import limit_speed
 from zteam.robot.view import View
-
-log = logging.getLogger("zteam")
 
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""

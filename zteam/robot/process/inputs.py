@@ -1,6 +1,5 @@
 """What has come for one robot, and what of it counts. It knows no bus."""
 
-import logging
 import math
 from collections.abc import Set
 from types import MappingProxyType
@@ -8,6 +7,7 @@ from typing import Any
 
 from zteam import names
 from zteam.clock import FREEZES, monotonic, to_ns
+from zteam.errors import log
 from zteam.geometry import Pose2
 from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotDriver, RobotStatus, TFMessage, Twist
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
@@ -17,8 +17,6 @@ from zteam.robot.behaviors.behavior import DeclaredInput
 from zteam.robot.view import SILENT_AFTER, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
-
-log = logging.getLogger("zteam")
 
 BASE_INFO_LIMIT = 2.0
 """Host seconds from its first scan on for which a robot in real time waits for `base_info`. The simulator publishes it

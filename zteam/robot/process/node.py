@@ -4,7 +4,6 @@ It acts when a scan arrives, not on a timer of its own, so that a command follow
 only watches for data that has grown old. In lock-step it acts once a tick, when all its inputs of that tick have come.
 """
 
-import logging
 from functools import partial
 
 from zteam import names
@@ -12,7 +11,7 @@ from zteam.bus import Deferred, NoRequest
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
-from zteam.errors import BusError
+from zteam.errors import BusError, log
 from zteam.messages import BaseInfo, LaserScan, Odometry, RobotState, TFMessage, Tick, Twist
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
@@ -25,8 +24,6 @@ from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, Safet
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.simulator.client import absence_of, absence_text, read_status
-
-log = logging.getLogger("zteam")
 
 _LOOK = 0.1
 """Host seconds between two looks at whether data has stopped, in real time."""

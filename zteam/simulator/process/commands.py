@@ -1,6 +1,5 @@
 """What moves robots: their newest commands on `robot_N/cmd_vel`, and which of them are stopped."""
 
-import logging
 import threading
 from collections.abc import Callable, Collection, Container
 from functools import partial
@@ -11,13 +10,12 @@ from zteam.bus.lateness import Lateness
 from zteam.bus.transport import Closeable, Held, RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.config.robot_ids import format_robot_ids
+from zteam.errors import log
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
 from zteam.node.stopping import ask_stopped, serve_stop
 from zteam.node.tokens import TokenSet, Writers
 from zteam.simulator.process.statistics import RunStatistics
-
-log = logging.getLogger("zteam")
 
 _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
 """What tells a robot from outside where to drive, besides `cmd_vel` itself."""

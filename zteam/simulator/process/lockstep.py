@@ -5,7 +5,6 @@ rules by which a tick ends, `Patience` the times: both are pure. An answer count
 A first answer that overtakes its session's token comes again: with each token the open tick is sent again.
 """
 
-import logging
 import threading
 from collections.abc import Callable
 from typing import TypeVar
@@ -14,13 +13,12 @@ from zteam import names
 from zteam.bus.transport import Held
 from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
+from zteam.errors import log
 from zteam.messages import Done, TeamState, TeamStatus, Tick
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import CertainTokens
 from zteam.simulator.process.open_tick import OpenTick
-
-log = logging.getLogger("zteam")
 
 T = TypeVar("T")
 

@@ -5,7 +5,6 @@ everything else (`Simulation.send_rest`). In lock-step the next tick begins when
 is due; in real time when it is due (`run_ticks`).
 """
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.clock import FREEZES, Every
 from zteam.config.numbers import counted
 from zteam.config.simulation_options import SimOptions
-from zteam.errors import BusError
+from zteam.errors import BusError, log
 from zteam.messages import OccupancyGrid, Twist
 from zteam.node.process_node import ProcessNode
 from zteam.simulator import client
@@ -22,8 +21,6 @@ from zteam.simulator.core import Engine
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Robot, Shape, World
-
-log = logging.getLogger("zteam")
 
 _DIGITS = 4
 """Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""

@@ -1,6 +1,5 @@
 """A world on the bus: what a tick does, what counts, and the changes that are asked for."""
 
-import logging
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
@@ -9,7 +8,7 @@ from zteam import names
 from zteam.bus.lateness import LATE
 from zteam.clock import NS_PER_S, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
-from zteam.errors import UsageError
+from zteam.errors import UsageError, log
 from zteam.geometry import Pose2
 from zteam.messages import Clock, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
@@ -25,8 +24,6 @@ from zteam.simulator.process.pacing import Pacer, TickBoundary
 from zteam.simulator.process.statistics import RunStatistics, TickProfile
 from zteam.simulator.world import Robot, World, add_robot
 from zteam.simulator.world.placing import map_metadata
-
-log = logging.getLogger("zteam")
 
 ANSWER_SHARE = 0.4
 """Share of a tick's host time for which the rest of its messages waits for the robots' commands."""

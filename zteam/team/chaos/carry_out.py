@@ -1,6 +1,5 @@
 """Carries out a plan of faults on a team, and reports how it recovers, and whether robots move on without commands."""
 
-import logging
 import math
 import threading
 from collections import deque
@@ -15,15 +14,13 @@ from zteam.bus.lateness import LATE
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
 from zteam.config.fault import Fault
 from zteam.config.numbers import counted
-from zteam.errors import ZteamError
+from zteam.errors import ZteamError, log
 from zteam.messages import Odometry
 from zteam.monitor.observer import LINK, RobotView, TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.tokens import RETURN_GRACE
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.means import Means, strike
-
-log = logging.getLogger("zteam")
 
 PATIENCE = 20.0 * HOST_FACTOR
 """Host seconds for a process, and the robots that moved before, to recover."""

@@ -6,7 +6,6 @@ is encoded and sent once for all subscribers outside, and not at all if there is
 node, so their sender is known outside, and what comes back of them is told from what other processes send.
 """
 
-import logging
 import threading
 import uuid
 from collections import deque
@@ -20,10 +19,9 @@ from zteam.bus import Bus, MemoryHub
 from zteam.bus.memory import HubReceiver, MemoryTransport
 from zteam.bus.transport import Closeable, Handle, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler
 from zteam.clock import monotonic, monotonic_times, wall_ns
+from zteam.errors import log
 from zteam.messages import Message
 from zteam.node.working import CALLS, WORK, Work, working_for
-
-log = logging.getLogger("zteam")
 
 
 class Delivery:

@@ -1,7 +1,6 @@
 """One child process: its own process group, its output line by line, its peak memory. It does not outlive us."""
 
 import contextlib
-import logging
 import os
 import re
 import signal
@@ -18,9 +17,8 @@ from typing import IO, Protocol, Self
 import msgspec
 
 from zteam.clock import monotonic
+from zteam.errors import log
 from zteam.node.launcher import LINK, Report
-
-log = logging.getLogger("zteam")
 
 PROC = Path("/proc")
 _KEPT_LINES = 200

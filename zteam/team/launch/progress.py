@@ -1,6 +1,5 @@
 """The progress of a run, the processes that are started again, and the team at a glance, for the launcher."""
 
-import logging
 import threading
 from collections.abc import Callable, Collection
 
@@ -9,14 +8,12 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, NoRequest
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_seconds
-from zteam.errors import ZteamError
+from zteam.errors import ZteamError, log
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Restarted
 from zteam.simulator.client import FinishReply, SimStatus, WaitRequest, find_status
-
-log = logging.getLogger("zteam")
 
 _FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""

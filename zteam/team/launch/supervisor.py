@@ -1,7 +1,6 @@
 """Starts, watches and ends the members of a team, which are processes, or nodes of this process, and starts those again
 that have failed. No process outlives the supervisor, however that ends."""
 
-import logging
 import signal
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -12,12 +11,10 @@ import msgspec
 
 from zteam.bus.options import share_arenas
 from zteam.clock import HOST_FACTOR, later, monotonic, wait_until
-from zteam.errors import ZteamError
+from zteam.errors import ZteamError, log
 from zteam.node.faults import shortage_text
 from zteam.node.launcher import Report
 from zteam.team.launch.process import Job, Process, StartChild, exit_text, spawn
-
-log = logging.getLogger("zteam")
 
 GRACE = 2.0 * HOST_FACTOR
 """Seconds from SIGTERM until SIGKILL; the processes end themselves after 1.5."""

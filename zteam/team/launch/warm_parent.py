@@ -6,7 +6,6 @@ are spawned: they take more time and memory, and behave alike.
 
 import contextlib
 import io
-import logging
 import os
 import select
 import signal
@@ -21,10 +20,9 @@ from typing import IO
 import msgspec
 
 from zteam.clock import HOST_FACTOR
+from zteam.errors import log
 from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
 from zteam.team.launch.process import Child, Job, environment_of, runs_zteam, spawn
-
-log = logging.getLogger("zteam")
 
 NAME = "warm_parent"
 """What a report calls it."""

@@ -1,6 +1,5 @@
 """Members of a run that are processes: the router of the team, certificates and links, what lets a process join."""
 
-import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, TLS_VARIABLES, RouterOptions, client_config
 from zteam.bus.presence import Claim, find_processes
 from zteam.clock import HOST_FACTOR, local_time_text
-from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.errors import BusError, DuplicateNameError, ZteamError, log
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
@@ -28,7 +27,6 @@ from zteam.team.security.access import OPERATOR, Rights, rights_of
 if TYPE_CHECKING:
     from zteam.team.chaos.links import Links
 
-log = logging.getLogger("zteam")
 
 ROUTER_DEADLINE = 60.0 * HOST_FACTOR
 """Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""

@@ -1,6 +1,5 @@
 """`zteam.run_team`: a whole team in the caller's own process, in lock-step."""
 
-import logging
 import threading
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -10,7 +9,7 @@ from typing import Any
 from zteam.bus import BusOptions
 from zteam.clock import monotonic
 from zteam.config.resources import find_team, find_world
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, log
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import look_in, read_anew
 from zteam.team.arguments import checks_arguments
@@ -23,8 +22,6 @@ from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Body, NodeThread, Threads
-
-log = logging.getLogger("zteam")
 
 
 @checks_arguments("")

@@ -4,7 +4,6 @@
 (`processes.py`), or threads of this process (`threads.py`).
 """
 
-import logging
 import signal
 import threading
 from collections.abc import Callable
@@ -18,7 +17,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Deferred
 from zteam.bus.presence import find_processes
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, ZteamError, log
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogPublisher
@@ -35,8 +34,6 @@ from zteam.team.run.report import RunReport, read_report, seconds_since_start
 
 if TYPE_CHECKING:
     from zteam.team.run.threads import Threads
-
-log = logging.getLogger("zteam")
 
 
 class RunState(Enum):

@@ -5,7 +5,6 @@ The launcher's part runs in a thread beside the simulator's.
 """
 
 import ctypes
-import logging
 import os
 import threading
 from collections.abc import Callable, Collection, Mapping
@@ -21,7 +20,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions, client_config
 from zteam.bus.router import open_team_router
-from zteam.errors import UsageError, ZteamError, check_call
+from zteam.errors import UsageError, ZteamError, check_call, log
 from zteam.node.faults import dump_stacks, unreturned_calls, user_fault
 from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
@@ -37,8 +36,6 @@ from zteam.team.launch.process import Job
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
-
-log = logging.getLogger("zteam")
 
 Body = Callable[[Node], None]
 """The body of a user's own node, as for `zteam.run`."""

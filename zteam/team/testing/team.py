@@ -24,7 +24,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
-from zteam.errors import UsageError, check_call
+from zteam.errors import UsageError, check_call, log
 from zteam.monitor.observer import RobotView
 from zteam.node.faults import STACKS
 from zteam.node.logs import KEEPER
@@ -49,8 +49,6 @@ from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.start import node_bodies, node_jobs, robot_tables, spec_of
 from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch, close_in_time
-
-log = logging.getLogger("zteam")
 
 _CONDITION = "give a function that is asked again and again, as 'lambda: team.robot(0).speed > 0.1'"
 _SHORT_GRACE = 0.5 * HOST_FACTOR

@@ -3,13 +3,13 @@
 `Bundle` says for which robots it waits. It leaves in the callback of the last one.
 """
 
-import logging
 from collections.abc import Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
+from zteam.errors import log
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
 from zteam.node.node import Due, Node
 from zteam.node.process_options import AggregatorOptions
@@ -19,8 +19,6 @@ from zteam.transforms.merge import MAX_APART, Merger, base_stamp
 from zteam.transforms.process.bundle import PATIENCE, Bundle
 from zteam.transforms.process.queries import answer_frames, answer_history, answer_lookups
 from zteam.transforms.urdf import Description
-
-log = logging.getLogger("zteam")
 
 WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
