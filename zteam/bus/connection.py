@@ -144,7 +144,7 @@ def _why_no_session(options: BusOptions) -> str:
     try:
         socket.getaddrinfo(*address)
     except (socket.gaierror, UnicodeError):
-        return f"no host has the name {address[0]!r}: check --connect {options.endpoint}"
+        return f"no host has the name {address[0]!r}: check {options.endpoint} (--connect, ZTEAM_CONNECT)"
     return ""
 
 

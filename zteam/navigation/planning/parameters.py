@@ -443,7 +443,9 @@ def _read_plugin(
     kind = place.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     key = f"{prefix}plugin"
-    where, given = place_of(place.node, key), str(own.get(key, _OWN[kind][0]))
+    where, given = place_of(place.node, key), own.get(key, _OWN[kind][0])
+    if not isinstance(given, str):
+        raise UsageError(f"{where}: the name of a {kind} is expected, not {given!r:.100}")
     name = plugin_name(kind, given, f"{where}: ")
     for shimmed in (f"{prefix}primary_controller", f"{prefix}{_SHIMMED}plugin"):
         if name != given and shimmed in own:

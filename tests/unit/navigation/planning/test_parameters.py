@@ -147,6 +147,10 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "yaml: controller_server.FollowPath.plugin: there is no controller 'dwb': there are regulated_pure_pursuit",
         ),
         (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: [dwb]}}}",
+            "yaml: controller_server.FollowPath.plugin: the name of a controller is expected, not ['dwb']",
+        ),
+        (
             "planner_server: {ros__parameters: {planner_plugins: [Far], Far: {plugin: a::B, tolerance: 1.0}}}",
             "nav2_params.yaml: planner_server.Far.plugin: there is no planner 'a::B': there are astar, and",
         ),
