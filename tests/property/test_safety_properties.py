@@ -40,6 +40,8 @@ Floats = NDArray[np.float64]
 
 CLOSEST = 2e-3
 """Metres: what is nearer leaves the margin as it is."""
+DIP = 2e-3
+"""Metres by which the base may come nearer than it is to anything, where something is nearer than the margin."""
 FINE = 400
 """Steps of an arc the slow way."""
 NOW = 100 * TICK
@@ -100,10 +102,24 @@ def test_when_a_point_is_met(outline: Outline, arc: Velocity, seconds: float, x:
 @given(outlines, arcs, st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=9))
 def test_the_first_of_many_points_counts(outline: Outline, arc: Velocity, points: list[tuple[float, float]]) -> None:
     """Many points at once are met as the first of them alone, with the margin that the nearest one leaves."""
-    depths = outline.distances(np.array(points).T)
-    less = min(0.0, float(depths[depths > CLOSEST].min(initial=math.inf)) - margin_of(outline, arc))
+    depths, margin = outline.distances(np.array(points).T), margin_of(outline, arc)
+    nearest = float(depths[depths > CLOSEST].min(initial=math.inf))
+    less = max(nearest - DIP, CLOSEST) - margin if nearest < margin else 0.0
     alone = [meeting_time(outline, arc, 1.0, np.array([[x], [y]]), less) for x, y in points]
     assert math.isclose(meeting_time(outline, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
+
+
+@given(st.floats(0.25, 1.3), st.floats(4e-3, 9e-3), st.floats(1e-3, 5e-3), st.floats(0.0, 1.0))
+@example(0.8, 4.9e-3, 4.9e-3, 0.4)
+def test_a_corner_turns_away_from_a_wall(slope: float, apart: float, spacing: float, phase: float) -> None:
+    """A wall is nearer to it than the margin, and known by hits so far apart: the turn by which it recedes is free."""
+    outline, (x, y) = Outline(Base().footprint), max(Base().footprint)
+    normal = np.array((math.cos(slope), math.sin(slope)))
+    along = (np.arange(-9, 10) + phase) * spacing
+    wall = (np.array((x, y)) + apart * normal)[:, None] + np.array((-normal[1], normal[0]))[:, None] * along
+    recedes = normal[1] * x - normal[0] * y
+    assume(abs(recedes) > 0.03)
+    assert meeting_time(outline, Velocity(turn=-math.copysign(1.0, recedes)), 0.1, wall) == math.inf
 
 
 @given(outlines, arcs, st.floats(0.0, 3.0))
@@ -159,7 +175,7 @@ def test_no_command_leads_into_what_is_seen(
     depths = [distance(outline, Pose2(0.0, 0.0, 0.0), x, y) for x, y in hits]
     margin = min([margin_of(outline, arc), *(depth for depth in depths if depth > CLOSEST)])
     for (x, y), depth in zip(hits, depths, strict=True):
-        nearest = min(margin, depth) - 2e-3
+        nearest = min(margin, depth) - DIP - 1e-3
         for step in range(1, 31):
             at = moved(arc, seconds * step / 30)
             # Beside a tip the half-planes tell too little.
