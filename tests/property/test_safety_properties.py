@@ -40,8 +40,6 @@ Floats = NDArray[np.float64]
 
 CLOSEST = 2e-3
 """Metres: what is nearer leaves the margin as it is."""
-DIP = 2e-3
-"""Metres by which the base may come nearer than it is to anything, where something is nearer than the margin."""
 FINE = 400
 """Steps of an arc the slow way."""
 NOW = 100 * TICK
@@ -102,9 +100,8 @@ def test_when_a_point_is_met(outline: Outline, arc: Velocity, seconds: float, x:
 @given(outlines, arcs, st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=9))
 def test_the_first_of_many_points_counts(outline: Outline, arc: Velocity, points: list[tuple[float, float]]) -> None:
     """Many points at once are met as the first of them alone, with the margin that the nearest one leaves."""
-    depths, margin = outline.distances(np.array(points).T), margin_of(outline, arc)
-    nearest = float(depths[depths > CLOSEST].min(initial=math.inf))
-    less = max(nearest - DIP, CLOSEST) - margin if nearest < margin else 0.0
+    depths = outline.distances(np.array(points).T)
+    less = min(0.0, float(depths[depths > CLOSEST].min(initial=math.inf)) - margin_of(outline, arc))
     alone = [meeting_time(outline, arc, 1.0, np.array([[x], [y]]), less) for x, y in points]
     assert math.isclose(meeting_time(outline, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
 
@@ -175,7 +172,7 @@ def test_no_command_leads_into_what_is_seen(
     depths = [distance(outline, Pose2(0.0, 0.0, 0.0), x, y) for x, y in hits]
     margin = min([margin_of(outline, arc), *(depth for depth in depths if depth > CLOSEST)])
     for (x, y), depth in zip(hits, depths, strict=True):
-        nearest = min(margin, depth) - DIP - 1e-3
+        nearest = min(margin, depth) - 2e-3
         for step in range(1, 31):
             at = moved(arc, seconds * step / 30)
             # Beside a tip the half-planes tell too little.

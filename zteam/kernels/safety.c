@@ -10,8 +10,6 @@
 /* Metres by which the base may come nearer, in each look, to what is nearer than the margin already: it may drive along
    a wall that it does not quite see as straight. */
 #define TOUCH 1e-3
-/* Metres by which the depth of a wall is less between two hits on it, which are up to 5 mm apart, beside a corner. */
-#define DIP 2e-3
 /* Metres: nearer than this it may not come so either. Between beams 0.5 degrees apart so much of a corner is unseen. */
 #define CLOSEST 2e-3
 /* Metres: what is nearer than CLOSEST may come nearer by this, so that rounding stops no base that moves along it. */
@@ -82,9 +80,8 @@ double meet(
             nearest = CLOSEST < depth && depth < nearest ? depth : nearest;
         }
     }
-    /* It may move along a wall that is nearer than the margin now: all of that may come as near. */
-    if (nearest < margin)
-        margin = nearest - DIP > CLOSEST ? nearest - DIP : CLOSEST;
+    /* It may move along a wall that is nearer than the margin now: other points of that come as near. */
+    margin = margin < nearest ? margin : nearest;
     for (int64_t i = 0; i < count; i++) {
         double px = points[i], py = points[count + i];
         if (!is_within(px - x, py - y, radius))

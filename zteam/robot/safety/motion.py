@@ -41,9 +41,12 @@ class Outline:
         """(n, 2), counter-clockwise."""
         along = np.roll(corners, -1, axis=0) - corners
         along /= np.hypot(along[:, 0], along[:, 1])[:, None]
-        normals = np.column_stack((along[:, 1], -along[:, 0]))
-        self.rows: Floats = np.column_stack((normals, (normals * corners).sum(axis=1)))
-        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less)."""
+        sides = np.column_stack((along[:, 1], -along[:, 0]))
+        tips = sides + np.roll(sides, 1, axis=0)
+        normals, at = np.vstack((sides, tips / np.hypot(*tips.T)[:, None])), np.vstack((corners, corners))
+        self.rows: Floats = np.column_stack((normals, (normals * at).sum(axis=1)))
+        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less), of the sides and at the corners:
+        beside a right angle a distance is then less than 8 % too little, and not 29 %."""
         self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
         """Metres from the origin to the furthest corner."""
         self._tips: list[list[float]] = corners.tolist()
