@@ -45,7 +45,7 @@ class Outline:
         tips = sides + np.roll(sides, 1, axis=0)
         normals, at = np.vstack((sides, tips / np.hypot(*tips.T)[:, None])), np.vstack((corners, corners))
         self.rows: Floats = np.column_stack((normals, (normals * at).sum(axis=1)))
-        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less), of the sides and at the corners:
+        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less). Of sides and at corners:
         beside a right angle a distance is then less than 8 % too little, and not 29 %."""
         self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
         """Metres from the origin to the furthest corner."""
