@@ -83,7 +83,7 @@ GAIN, LEAST = 4.0, 0.1
 """1/s: speed by what is left of a move; and m/s and rad/s at least."""
 DONE = 0.05
 """Metres or radians to the end of a move at which it is done."""
-WORKS, WORKS_WITHIN = 0.02, to_ns(0.8)
+WORKS, WORKS_WITHIN = 0.06, to_ns(0.8)
 """Metres or radians that it has to come on in so many nanoseconds, or the move does not work."""
 KEPT = to_ns(20.0)
 """Nanoseconds for which a move is not tried again that did not work: what stood there may drive on."""
@@ -91,7 +91,7 @@ LOOKS_ROUND, LOOKS_EACH = to_ns(0.8), to_ns(0.5)
 """Nanoseconds without getting on after which it remembers what it sees, and between two such looks."""
 SEEN, BODY = 2.0, 0.1
 """Metres from the laser up to which it remembers hits, and metres beside a teammate that may be that one."""
-KNOT, STANDS, LOOSENS = 0.5, to_ns(18.0), 0.03
+KNOT, STANDS, LOOSENS = 0.5, to_ns(13.0), 0.1
 """A robot that has not come so many metres in so many nanoseconds may be what holds the others: with this chance in a
 step it makes room for them, wherever there is some."""
 RESTS = to_ns(1.0)
