@@ -16,6 +16,7 @@ TEXTS: list[tuple[str, list[object], str]] = [
     ("formatPlain", [0.1 + 0.2], "0.3"),
     ("formatPlain", [4_000_000_001], "4000000001"),
     ("formatAge", [0.25], "0.3 s"),
+    ("formatAge", [-0.1], "0.0 s"),
     ("formatAge", [75], "75 s"),
     ("formatAge", [600], "10 min"),
     ("formatTime", [12.345], "12.35"),

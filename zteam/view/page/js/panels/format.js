@@ -60,7 +60,8 @@ export function formatPlain(value) {
  */
 export function formatAge(seconds) {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
-  if (seconds < 10) return formatNumber(seconds, 1, "s");
+  // A stamp may be a moment ahead.
+  if (seconds < 10) return formatNumber(Math.max(0, seconds), 1, "s");
   return seconds < 120 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
 }
 
