@@ -10,7 +10,7 @@ from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import did_you_mean
 from zteam.messages import RobotState, RobotStatus, TeamState
-from zteam.messages.topics import has_one_writer, is_sensed
+from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, Finding, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
 from zteam.monitor.followers import FollowProblem, follow_problems
@@ -195,8 +195,7 @@ def _boot_step(facts: Facts, status: RobotStatus) -> str:
         return "its data comes when the world goes on"
     if not _has_base(facts, status.robot_id):
         return _SOURCE
-    meant = did_you_mean(scans, facts.writers, form="; something publishes on {}: rename that topic")
-    return f"'zteam topic info {scans}' names the publishers of its scans{meant}"
+    return f"'zteam topic info {scans}' names the publishers of its scans"
 
 
 def check_silence(facts: Facts) -> Iterator[Finding]:
@@ -331,10 +330,12 @@ def check_data(facts: Facts) -> Iterator[Finding]:
     else:
         yield ok("data", text)
     for robot_id in facts.robots if not facts.stands_still else ():
-        if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
-            guess = f"has robot {robot_id} a laser, and on {names.scan_key(robot_id, 0)}? see 'zteam topic list'"
-            step = guess if _has_base(facts, robot_id) else _SOURCE
-            yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
+        robot, scans = names.robot_name(robot_id), names.scan_key(robot_id, 0)
+        if scans not in facts.writers and not facts.lacks(robot_id):
+            others = [key for key in facts.writers if key.startswith(f"{robot}/") and type_of_key(key) is None]
+            meant = did_you_mean(scans, others, form="; {} has data: rename it if that is the laser's topic")
+            guess = f"has robot {robot_id} a laser, and on {scans}? see 'zteam topic list'{meant}"
+            yield problem("data", f"{robot} gets no scan", guess if _has_base(facts, robot_id) else _SOURCE)
     for key, near in facts.unpublished.items():
         yield note("data", f"a node of your own subscribes to {key}, which nothing publishes{near}", "zteam topic list")
 

@@ -228,9 +228,9 @@ class BoxedIn:
     """Whether a leader has no room to get on."""
 
     def __init__(self) -> None:
-        self._leader, self._since, self._has_turned = Pose2(0.0, 0.0, 0.0), 0, False
-        self._is_boxed = False
-        """Where it has got on last, and when, and whether it has turned there, and is boxed in."""
+        self._leader, self._since = Pose2(0.0, 0.0, 0.0), 0
+        """Where it has got on last, and when (ns)."""
+        self._has_turned = self._is_boxed = False
 
     def look(self, now: int, leader: Pose2) -> bool:
         """Whether it is boxed in, at `leader` in map at time `now` (ns)."""

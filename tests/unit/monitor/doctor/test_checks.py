@@ -107,6 +107,10 @@ def with_second(status: RobotStatus, **changes: object) -> Facts:
     return team_facts(statuses={**ALONE, 1: status}, **changes)
 
 
+REAL: dict[str, object] = {"nodes": nodes("monitor", "robot_0", "robot_1", "tf"), "sim": None, "map": None}
+"""Of a team without a simulator."""
+
+
 def boots(robot_id: int, text: str, leader: int = -1) -> RobotStatus:
     """A robot that waits."""
     return robot_status(robot_id, RobotState.BOOT, text=text, leader=leader)
@@ -166,8 +170,28 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
         "problem process: sim is alive but does not … -> continue it ('fg', 'kill -CONT PID') or end it; its …",
     ),
     "real robots": (
-        team_facts(nodes=nodes("monitor", "robot_0", "robot_1", "tf"), sim=None, map=None),
+        team_facts(**REAL),
         "note simulator: no process sim: the robots … -> zteam-sim WORLD (or real robots that publish the same …",
+    ),
+    "a base whose scans have another topic": (
+        with_second(
+            boots(1, "waiting"),
+            writers={key: ["x"] for key in ("robot_0/base_scan", "robot_1/base_info", "robot_1/odom", "robot_1/scan")},
+            **REAL,
+        ),
+        "note simulator: no process sim: the robots get data …",
+        "problem robots: robot_1 is not ready (boot): waiting -> 'zteam topic info robot_1/base_scan' names …",
+        "problem data: robot_1 gets no scan -> has robot 1 … list'; robot_1/scan has data: rename it if that is the …",
+    ),
+    "a base without scans": (
+        with_second(
+            boots(1, "waiting"),
+            writers={key: ["x"] for key in ("robot_0/base_scan", "robot_1/base_info", "robot_1/odom")},
+            **REAL,
+        ),
+        "note simulator: no process sim: the robots get data …",
+        "problem robots: robot_1 is not ready (boot): waiting -> 'zteam topic info robot_1/base_scan' names …",
+        "problem data: robot_1 gets no scan -> has robot 1 a laser, and on robot_1/base_scan? see 'zteam topic list'",
     ),
     "no simulator": (
         team_facts(
