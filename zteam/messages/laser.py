@@ -15,9 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_ROUNDING = 1e-6
-"""Relative: limits and ranges may have been rounded to float32 or not."""
-
+from zteam.kernels import safety as kernels
 
 class Ranges(NamedTuple):
     """The ranges of a scan, or of some of its beams, read."""
@@ -27,24 +25,11 @@ class Ranges(NamedTuple):
     nearest: float
     """No hit is nearer (metres)."""
     all_speak: bool
-    """Whether it is certain that every beam says something."""
+    """Whether every beam says something."""
 
 
 def read_ranges(ranges: ArrayLike, range_min: float, range_max: float) -> Ranges:
     """The ranges (n,) of a LaserScan with these limits, all in metres. The array given is left alone."""
     distances = np.array(ranges, np.float64)
-    if not distances.size:
-        return Ranges(distances, np.inf, all_speak=True)
-    # Both find a NaN first, and are several times as fast as `min` and `max`.
-    low, high = distances.item(distances.argmin()), distances.item(distances.argmax())
-    at_least, at_most = range_min * (1.0 - _ROUNDING), range_max * (1.0 + _ROUNDING)
-    # A NaN fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
-    all_speak = low > 0.0 and low >= at_least and high <= at_most
-    if not all_speak:
-        says = (distances > 0.0) & (distances >= at_least) & (distances <= at_most)
-        np.putmask(distances, ~(says | np.isinf(distances)), np.nan)
-    # A simulator without infinities writes range_max for "no hit".
-    np.putmask(distances, distances >= range_max * (1.0 - _ROUNDING), np.inf)
-    # What is too close to measure is -inf still.
-    np.maximum(distances, 0.0, out=distances)
-    return Ranges(distances, low if all_speak else 0.0, all_speak)
+    nearest, silent = kernels.read_ranges(distances, range_min, range_max)
+    return Ranges(distances, nearest, all_speak=not silent)

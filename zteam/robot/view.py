@@ -23,9 +23,11 @@ from zteam.messages.laser import read_ranges
 SILENT_AFTER = 2.0
 """Seconds without a status (they come at 1 Hz) after which a teammate is silent: simulated in lock-step, else the
 host's."""
+Floats = NDArray[np.float64]
 FindPose = Callable[..., tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame, time=0)`: target_from_source at a time (ns), or the newest with 0, and its
 stamp (ns; 0 where nothing between the two frames moves), or None where the look-up failed."""
+_NOWHERE = math.nan, math.nan, math.nan
 
 
 class Teammate(NamedTuple):
@@ -41,6 +43,26 @@ class Teammate(NamedTuple):
     def along(self, heading: float) -> tuple[float, float]:
         """Metres to it along a heading (rad) from the own base, and to the left of that."""
         return Pose2(0.0, 0.0, heading).locate(self.pose.x, self.pose.y)
+
+
+class TeamPoses(NamedTuple):
+    """Where some robots are in `map` at one time."""
+
+    rows: Mapping[int, int]
+    """The row of each robot, by its id."""
+    found: tuple[tuple[Pose2, int] | None, ...]
+    """By row, the pose and its stamp (ns; 0: nothing on the way to it ever moves); None where it is not known."""
+    poses: Floats
+    """(rows, 3): m, m, rad; NaN where it is not known."""
+    stamps: NDArray[np.int64]
+    """(rows), ns."""
+
+    @classmethod
+    def look_up(cls, rows: Mapping[int, int], lookup: FindPose) -> "TeamPoses":
+        """The newest poses of these robots."""
+        found = tuple(lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in rows)
+        poses = np.array([each[0] if each else _NOWHERE for each in found]).reshape(-1, 3)
+        return cls(rows, found, poses, np.array([each[1] if each else 0 for each in found], np.int64))
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -74,12 +96,28 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     bases: Mapping[int, Base] = {}
     """The bases of the robots that have told theirs, by id."""
 
+    team_poses: TeamPoses | None = None
+    """Those of this robot and of all of `team` and `bases`, which are looked up once for all who ask."""
+
+    @cached_property
+    def poses(self) -> TeamPoses:
+        """`team_poses`, looked up where there are none."""
+        if self.team_poses is not None:
+            return self.team_poses
+        robots = sorted({self.robot_id, *self.team, *self.bases})
+        return TeamPoses.look_up({robot: row for row, robot in enumerate(robots)}, self.lookup)
+
+    @cached_property
+    def _seen(self) -> list[tuple[float, float, float]]:
+        """By row of `poses`, in the own base frame; NaN where not known."""
+        return kernels.see_poses(self.poses.poses, self.poses.rows[self.robot_id])
+
     @cached_property
     def teammates(self) -> tuple[Teammate, ...]:
-        """All other robots of `team` and `bases` whose pose is known, by id; looked up when first asked for."""
+        """All other robots of `team` and `bases` whose pose is known, by id."""
         found = []
-        for robot_id in sorted({*self.team, *self.bases} - {self.robot_id}):
-            at = self.base_from_robot(robot_id)
+        for robot_id in self.poses.rows:
+            at = self.base_from_robot(robot_id) if robot_id != self.robot_id else None
             if at is not None:
                 age = abs(self.now - at[1]) / 1e9 if at[1] else 0.0
                 found.append(Teammate(robot_id, at[0], age, self.bases.get(robot_id, DEFAULT_BASE)))
@@ -92,11 +130,22 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
-        return self.lookup(names.MAP_FRAME, self.base_frame)
+        return self.map_from_robot(self.robot_id)
+
+    def map_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
+        """A robot's pose in `map` and its stamp, or None."""
+        row = self.poses.rows.get(robot_id)
+        if row is None:
+            return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+        return self.poses.found[row]
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""
-        return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+        row = self.poses.rows.get(robot_id)
+        if row is None:
+            return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+        found, seen = self.poses.found[row], self._seen[row]
+        return None if found is None or self.map_from_base() is None else (Pose2(*seen), found[1])
 
     def random(self, draw: int = 0) -> float:
         """A number in [0, 1): the same for the same seed, robot, time and `draw`, whatever else was drawn."""
@@ -115,8 +164,6 @@ def own_pose(view: View) -> Pose2 | None:
     found = view.map_from_base()
     return found[0] if found is not None and math.isfinite(sum(found[0])) else None
 
-
-Floats = NDArray[np.float64]
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""

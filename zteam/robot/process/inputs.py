@@ -1,7 +1,7 @@
 """What has come for one robot, and what of it counts. It knows no bus."""
 
 import math
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from types import MappingProxyType
 from typing import Any
 
@@ -14,7 +14,7 @@ from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, overr
 from zteam.messages.geometry_msgs import TransformStamped, TwistStamped, bases_stamp
 from zteam.messages.std_msgs import ns_from_time
 from zteam.robot.behaviors.behavior import DeclaredInput
-from zteam.robot.view import SILENT_AFTER, View
+from zteam.robot.view import SILENT_AFTER, TeamPoses, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
 
@@ -43,6 +43,8 @@ class TransformInputs:
         """The one that was taken last."""
         self._found: dict[tuple[str, str, int], tuple[Pose2, int] | None] = {}
         """The answers of `find_pose`, of the newest messages: these put another dictionary in its place."""
+        self._team: TeamPoses | None = None
+        """Those of the newest messages."""
 
     def on_bundle(self, bundle: TFMessage, now: int = 0) -> None:
         """A message of `tf` has come at time `now` (ns), 0 = not known."""
@@ -50,13 +52,19 @@ class TransformInputs:
             # From another robot of this process; or sent again, which in lock-step is frequent on a busy machine.
             return
         self.buffer.set_transforms(bundle.transforms, names.TF, now)
-        self._bundle, self._found = bundle, {}
+        self._bundle, self._found, self._team = bundle, {}, None
         self.stamp = bases_stamp(bundle) or self.stamp
 
     def on_static(self, message: TFMessage) -> None:
         """The whole set of fixed transforms has come: a start pose that a localiser took over is not in it any more."""
         self.buffer.set_all_static(message.transforms, names.TF)
-        self._found = {}
+        self._found, self._team = {}, None
+
+    def find_poses(self, rows: Mapping[int, int]) -> TeamPoses:
+        """The newest poses of these robots in `map`: the same object until something comes."""
+        if self._team is None or self._team.rows != rows:
+            self._team = TeamPoses.look_up(rows, self.find_pose)
+        return self._team
 
     def find_pose(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int] | None:
         """`target_from_source` at `time`, or the newest, in the plane and its stamp; None if it is unknown. Any thread
@@ -72,7 +80,7 @@ class TransformInputs:
     def forget(self) -> None:
         """Time jumped back: forget what moves."""
         self.buffer.clear()
-        self._bundle, self._found, self.stamp = None, {}, 0
+        self._bundle, self._found, self._team, self.stamp = None, {}, None, 0
 
 
 class RobotInputs:
@@ -118,6 +126,11 @@ class RobotInputs:
         self._lasers = LaserMounts(robot_id, self.transforms.buffer, self._fixed)
         self._told: dict[int, Base] = {}
         """The bases of the robots that have told theirs, by id."""
+        self._known: tuple[tuple[int, ...], Set[int] | None] | None = None
+        """What the next two hold for: the team and the robots of the tick; None once another base has come."""
+        self._bases: Mapping[int, Base] = {}
+        self._rows: Mapping[int, int] = {}
+        """By the robots' ids: the bases that count, and the rows of their poses."""
 
     def on_scan(self, scan: LaserScan) -> None:
         before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)
@@ -133,7 +146,7 @@ class RobotInputs:
         """`base_info` of any robot of the team has come."""
         if robot_id == self._id:
             self.base = override_base(base_of(message), self._override)
-        self._told[robot_id] = base_of(message)
+        self._told[robot_id], self._known = base_of(message), None
 
     def on_fixed(self, message: TFMessage) -> None:
         """Fixed frames of the own base have come, of one of its processes: they are merged by child frame."""
@@ -237,6 +250,10 @@ class RobotInputs:
 
         In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
+        if self._known != (team, robots):
+            self._known = team, robots
+            self._bases = {i: base for i, base in sorted(self._told.items()) if robots is None or i in robots}
+            self._rows = {i: row for row, i in enumerate(sorted({self._id, *team, *self._bases}))}
         seen = None if self.scan is None else self._lasers.level(self.scan)
         declared = self._none_declared() if is_first else dict(self._of_behavior)
         for name, newest in declared.items():
@@ -253,8 +270,9 @@ class RobotInputs:
             odom=self.odom,
             lookup=self.transforms.find_pose,
             base=self.base,
-            bases={i: base for i, base in sorted(self._told.items()) if robots is None or i in robots},
+            bases=self._bases,
             team=team,
+            team_poses=self.transforms.find_poses(self._rows),
             inputs=MappingProxyType(declared),
             silent=silent,
             seed=seed,
