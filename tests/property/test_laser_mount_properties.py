@@ -14,7 +14,7 @@ from studies.view.frames import decode_frame
 from support.examples import examples
 from support.flat_floor import make_odometry, make_view
 from support.transforms import S, stamped
-from zteam.behaviors import read_beams
+from zteam.behaviors import SafetyLayer, read_beams
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import (
     Header,
@@ -23,6 +23,7 @@ from zteam.messages import (
     TFMessage,
     Transform,
     TransformStamped,
+    Twist,
     Vector3,
     encode,
     time_from_ns,
@@ -33,7 +34,6 @@ from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, Costmap, make_cir
 from zteam.navigation.planning.grid import GridGeometry
 from zteam.navigation.process.inputs import Inputs
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.safety.layer import Surroundings
 from zteam.transforms.lasers import MAX_TILT
 from zteam.view import frames
 from zteam.view.received import Received
@@ -106,9 +106,10 @@ def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Flo
     bearings, distances = read_beams(view.scan)
     hit = distances < FAR
     ends = distances[hit] * np.stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
-    around = Surroundings()
-    around.update(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
-    return ends.T + view.laser, around.points.T
+    layer = SafetyLayer()
+    odom = make_odometry(Pose2(0.0, 0.0, 0.0))
+    layer.limit(Twist(), make_view(view.scan, now=S, laser=view.laser, odom=odom))
+    return ends.T + view.laser, layer.points.T
 
 
 def seen_by_navigation(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Costmap]:

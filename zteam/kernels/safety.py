@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from zteam.kernels.binding import Cells, Floats, check_within, empty, ffi, lib, memory
 
-
 NO_NUMBER, BLIND, UNSEEN, STOPPED = 1, 2, 3, 4
 """Why a velocity is less than was wanted. 0: it is not."""
 Triple = tuple[float, float, float]

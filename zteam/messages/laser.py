@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from zteam.kernels import safety as kernels
 
+
 class Ranges(NamedTuple):
     """The ranges of a scan, or of some of its beams, read."""
 

@@ -21,14 +21,14 @@ from zteam.clock import monotonic, thread_time
 from zteam.config.resources import find_world
 from zteam.errors import BehaviorError, UsageError
 from zteam.geometry import Pose2, Velocity
-from zteam.messages import Twist
+from zteam.messages import Twist, Vector3
 from zteam.messages.base import DEFAULT_BASE
 from zteam.node.faults import dump_stacks, stacks_in
 from zteam.robot.behaviors.behavior import Behavior, ask, decide
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
 from zteam.robot.behaviors.wander import Forward, ForwardParams
 from zteam.robot.safety.layer import SafetyLayer
-from zteam.robot.safety.motion import BaseLimits
+from zteam.robot.safety.motion import limit_speed
 from zteam.robot.trials import situations
 from zteam.robot.trials.situations import DT, LEADER, POSES, ROBOT, SITUATIONS, empty_messages, make_views, steady
 from zteam.robot.view import View
@@ -177,7 +177,8 @@ class Trial:
         if not math.isfinite(motion.x + motion.turn):
             self.blame("number", f"step asks for {_text(motion)}")
             return
-        most = BaseLimits(view.base).clamp(motion)
+        limited, _ = limit_speed(Twist(Vector3(motion.x), Vector3(z=motion.turn)), view.base)
+        most = Velocity(limited.linear.x, turn=limited.angular.z)
         if max(abs(most.x - motion.x), abs(most.turn - motion.turn)) > _TOLERANCE:
             self.blame("limit", f"step asks for {_text(motion)}, this robot does {_text(most)}")
         ignored = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}

@@ -16,7 +16,7 @@ LIMITS = SpeedLimits(0.7, math.pi)
 
 def look(*mates: tuple[float, float]) -> View:
     """An open floor with the robots 1, 2, ... at these places of the own base frame."""
-    frames = {f"robot_{i}/base_footprint": (Pose2(x, y, 0.0), 0) for i, (x, y) in enumerate(mates, 1)}
+    frames = {f"robot_{i}/base_footprint": (Pose2(x, y, 0.0), 0) for i, (x, y) in enumerate([(0.0, 0.0), *mates])}
     team = tuple(range(len(mates) + 1))
     return make_view(make_scan([30.0] * BEAMS), lookup=lambda _target, source: frames.get(source), team=team)
 

@@ -13,6 +13,7 @@ from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NoParams
 from zteam.robot.behaviors.evasion import BoxedIn, Head
 from zteam.robot.behaviors.line import LineRole
+from zteam.robot.trials.situations import lookup_in
 from zteam.robot.view import own_pose
 
 START = Pose2(0.0, 0.0, 0.0)
@@ -36,13 +37,10 @@ def look(
     mates: Mapping[int, tuple[float, float]] = NO_MATES,
 ) -> View:
     """What a robot sees at `own` of walls and of the others, whose places are in its own base frame."""
-    frames = {f"robot_{robot}/base_footprint": Pose2(x, y, 0.0) for robot, (x, y) in mates.items()}
-
-    def lookup(_target: str, source: str) -> tuple[Pose2, int] | None:
-        return (frames[source], 0) if source in frames else None
+    at = {0: own, **{robot: own.compose(Pose2(x, y, 0.0)) for robot, (x, y) in mates.items()}}
 
     scan = make_scan(cast(own.compose(LASER), walls), to_ns(seconds))
-    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates))
+    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup_in(at, 0), team=(0, *mates))
 
 
 def lead(

@@ -6,12 +6,19 @@ from itertools import pairwise
 import pytest
 from msgspec.structs import replace
 
+from support import flat_floor
 from support.flat_floor import TICK, make_odometry, make_view
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import Twist, Vector3
 from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.behaviors.steering import Steering
-from zteam.robot.safety.motion import limits_of, place_after
+from zteam.robot.safety.motion import limits_of
+
+
+def move(at: Pose2, motion: Velocity, seconds: float) -> Pose2:
+    """Where a base is that keeps a motion."""
+    return flat_floor.drive(at, Twist(Vector3(motion.x), Vector3(z=motion.turn)), seconds)
+
 
 CAR = replace(DEFAULT_BASE, drive="car", wheelbase=0.4)
 
@@ -24,7 +31,7 @@ def drive(wanted: Twist, seconds: float, walls: tuple[float, float] = (-math.inf
         assert abs(command.angular.z) < math.radians(45.1)
         motion = limits_of(CAR).motion_of(command)
         assert motion is not None
-        ahead = at.compose(place_after(motion, 0.1))
+        ahead = move(at, motion, 0.1)
         at = ahead if walls[0] < ahead.x < walls[1] else at
         way.append(at)
     return way
@@ -42,8 +49,9 @@ def test_a_base_that_gains_speed_slowly_turns(acceleration: float, x: float, fir
         gears.append(math.copysign(1.0, command.linear.x))
         wanted = limits_of(car).motion_of(command)
         assert wanted is not None
-        motion = limits_of(car).approach(wanted, motion, 0.1)
-        at, turned = at.compose(place_after(motion, 0.1)), turned + 0.1 * motion.turn
+        speed = max(motion.x - 0.1 * acceleration, min(motion.x + 0.1 * acceleration, wanted.x))
+        motion = Velocity(speed, turn=wanted.turn * speed / wanted.x)
+        at, turned = move(at, motion, 0.1), turned + 0.1 * motion.turn
     assert gears[0] == first
     assert sum(a != b for a, b in pairwise(gears)) < 30
     assert turned > 2.0 * math.pi
@@ -53,7 +61,7 @@ def test_a_bend_that_it_can_drive_is_driven() -> None:
     """The same speed and the same turn rate, forward and back."""
     for speed in (0.4, -0.4):
         end = drive(Twist(Vector3(speed), Vector3(z=0.3)), 2.1)[-1]
-        assert tuple(end) == pytest.approx(tuple(place_after(Velocity(speed, 0.0, 0.3), 2.0)), abs=1e-6)
+        assert tuple(end) == pytest.approx(tuple(move(Pose2(0.0, 0.0, 0.0), Velocity(speed, 0.0, 0.3), 2.0)), abs=1e-6)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

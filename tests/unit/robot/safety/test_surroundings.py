@@ -10,10 +10,10 @@ from zteam.behaviors import SafetyLayer, View
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.messages.base import DEFAULT_BASE, Base
-from zteam.robot.safety.layer import FOLLOWING_GAP, MAX_GROWTH, TEAMMATE_GAP, NearTeammate, TeammateTracker
-from zteam.robot.safety.motion import outline_of
 
 START = 100 * TICK
+TEAMMATE_GAP, FOLLOWING_GAP, MAX_GROWTH = 0.3, 0.1, 0.5
+"""Metres: to a teammate, behind one that drives away, and by which the outline of one grows whose pose is old."""
 BEAMS = 541
 """Of half a degree each."""
 
@@ -119,7 +119,7 @@ def test_beams_that_are_silent_from_the_start_stay_silent_when_it_turns() -> Non
 
 
 LATER = 1000 * TICK
-FRONT, REAR, WIDE = 0.125, 0.225, 0.175
+FRONT, REAR = 0.125, 0.225
 
 
 def view(mate: Pose2, age: float = 0.0, tick: int = 0, mate_base: Base = DEFAULT_BASE) -> View:
@@ -161,28 +161,26 @@ def test_the_outline_grows_with_the_age_of_the_pose() -> None:
     assert SafetyLayer().limit(Twist(Vector3(0.2)), view(Pose2(0.5, 0.0, 0.0), 5.1))[0].linear.x == 0.2
 
 
-def near(*places: Pose2, reach: float = 1.0, age: float = 0.0) -> NearTeammate | None:
-    """What robot 0 makes of a teammate that was seen at these places, a tick apart."""
-    mates, found = TeammateTracker(), []
-    for tick, place in enumerate(places):
-        mates.look(view(place, age, tick))
-        found = mates.near(0.0, 0.0, reach + outline_of(DEFAULT_BASE.footprint).radius, 0.1)
-    return found[0] if found else None
+def least_distance(gap: float, *steps: float, speed: float = 0.2) -> float:
+    """The largest x, to the centimetre, up to which robot 0 does not begin to move at `speed`, where a teammate has
+    come by `steps` (m) of a tick each: to x from the outline, in the last tick. `gap` is where the search begins."""
+    for centimetre in range(round(100 * gap), 200):
+        layer, x = SafetyLayer(), centimetre / 100 + FRONT + REAR
+        for tick in range(len(steps) + 1):
+            at = Pose2(x - sum(steps[tick:]), 0.0, 0.0)
+            command, _ = layer.limit(Twist(Vector3(speed if tick == len(steps) else 0.0)), view(at, tick=tick))
+        if command.linear.x:
+            return centimetre / 100 - 0.01
+    raise AssertionError("it never moves")
 
 
 def test_a_moving_teammate_takes_up_its_way() -> None:
-    """One that comes nearer takes up the way until it can stand; one that drives away takes up its place, and may be
-    come nearer to."""
-    comes = near(Pose2(1.57, 0.0, math.pi), Pose2(1.5, 0.0, math.pi))
-    assert comes is not None
-    assert comes.gap == TEAMMATE_GAP
+    """One that comes nearer at 0.7 m/s takes up the way until it can stand, with 1 m/s² from the next step on; one that
+    drives away takes up its place, and may be come nearer to."""
+    stands = least_distance(0.0)
     way = 0.7 * 0.1 + 0.5 * 0.7**2
-    assert comes.points[0].min() == pytest.approx(1.5 - FRONT - way)
-    leaves = near(Pose2(0.83, 0.0, 0.0), Pose2(0.9, 0.0, 0.0))
-    assert leaves is not None
-    assert leaves.gap == FOLLOWING_GAP
-    assert leaves.points[0].min() == pytest.approx(0.9 - REAR)
-    assert leaves.points[1].max() == pytest.approx(WIDE)
+    assert least_distance(0.0, -0.07) == pytest.approx(stands + way, abs=0.011)
+    assert least_distance(0.0, 0.07) == pytest.approx(stands - (TEAMMATE_GAP - FOLLOWING_GAP), abs=0.011)
 
 
 def test_a_teammates_own_outline_counts() -> None:
