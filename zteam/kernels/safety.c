@@ -262,12 +262,22 @@ typedef struct {
     double at[2], cosine, sine;
 } cloud;
 
-/* An arc that is looked at, and the disc that holds all that the base sweeps on it with the margin. */
+/* An arc that is looked at, and what holds all that the base sweeps on it with the margin: a disc, and a ring about the
+   centre of the arc, or a strip along it. */
 typedef struct {
     const base_limits *base;
     velocity motion;
-    double seconds, margin, at[2], radius;
+    int is_straight;
+    double seconds, margin, reach, at[2], radius, centre[2], inner, outer;
 } sweep;
+
+/* How far a point is from the centre of the arc, or to the left of a straight one. */
+static double aside_of(const sweep *s, double x, double y)
+{
+    if (s->is_straight)
+        return s->motion.x * y - s->motion.y * x;
+    return sqrt((x - s->centre[0]) * (x - s->centre[0]) + (y - s->centre[1]) * (y - s->centre[1]));
+}
 
 static sweep sweep_of(const base_limits *b, velocity v, double seconds, double clearance)
 {
@@ -276,6 +286,22 @@ static sweep sweep_of(const base_limits *b, velocity v, double seconds, double c
     s.margin += (DRIVE_MARGIN - SPIN_MARGIN) * (fastest > 0.0 ? speed / fastest : 0.0);
     move_on(v, 0.5 * seconds, s.at, &cosine, &sine);
     s.radius = 0.5 * speed * seconds + b->radius + s.margin;
+    s.is_straight = fabs(v.turn * seconds) < STRAIGHT;
+    s.centre[0] = -v.y / v.turn;
+    s.centre[1] = v.x / v.turn;
+    s.inner = INFINITY;
+    s.outer = -INFINITY;
+    for (int64_t i = 0; i < b->tips; i++) {
+        double aside = aside_of(&s, b->corners[2 * i], b->corners[2 * i + 1]);
+        s.inner = smaller(s.inner, aside);
+        s.outer = larger(s.outer, aside);
+    }
+    if (!s.is_straight)
+        s.inner = depth_of(s.centre[0], s.centre[1], b->planes, b->sides);
+    /* Half-planes are at most a right angle apart: at a corner they are moved by the margin so much further. */
+    s.reach = 1.42 * s.margin + TINY;
+    s.inner -= s.reach * (s.is_straight ? speed : 1.0);
+    s.outer += s.reach * (s.is_straight ? speed : 1.0);
     return s;
 }
 
@@ -297,10 +323,9 @@ static double meet_straight(double x, double y, double limit, const base_limits 
 }
 
 /* Radians until a base that turns about a centre has a point within `limit` of all half-planes at once. */
-static double meet_turning(double x, double y, double limit, const base_limits *b, double centre_x, double centre_y,
-                           double side)
+static double meet_turning(double x, double y, double limit, const base_limits *b, const double *centre, double side)
 {
-    double u = x - centre_x, v = y - centre_y, square = u * u + v * v, away = sqrt(square), met = INFINITY;
+    double centre_x = centre[0], centre_y = centre[1], u = x - centre_x, v = y - centre_y, square = u * u + v * v, away = sqrt(square), met = INFINITY;
     if (!(away > TINY))
         return met;
     for (const double *plane = b->planes; plane < b->planes + 3 * b->sides; plane += 3) {
@@ -331,9 +356,10 @@ static int is_within(const cloud *points, int64_t i, const sweep *s, double *at)
 
 static double nearest_of(const cloud *points, const sweep *s, double nearest)
 {
+    const double near = s->base->radius + s->reach;
     double at[2];
     for (int64_t i = 0; i < points->count; i++)
-        if (is_within(points, i, s, at)) {
+        if (is_within(points, i, s, at) && at[0] * at[0] + at[1] * at[1] <= near * near) {
             double depth = depth_of(at[0], at[1], s->base->planes, s->base->sides);
             nearest = CLOSEST < depth && depth < nearest ? depth : nearest;
         }
@@ -343,21 +369,22 @@ static double nearest_of(const cloud *points, const sweep *s, double nearest)
 static double first_of(const cloud *points, const sweep *s, double nearest, double first)
 {
     const velocity v = s->motion;
-    const double centre_x = -v.y / v.turn, centre_y = v.x / v.turn;
     /* It may move along a wall that is nearer than the margin now: other points of that come as near. */
     const double margin = smaller(s->margin, nearest);
     double at[2];
     for (int64_t i = 0; i < points->count; i++) {
         if (!is_within(points, i, s, at))
             continue;
+        double aside = aside_of(s, at[0], at[1]);
+        if (aside < s->inner || aside > s->outer)
+            continue;
         double depth = depth_of(at[0], at[1], s->base->planes, s->base->sides);
         /* Where it is nearer than the margin now, it may come a little nearer. */
         double limit = depth - ROUNDING < CLOSEST ? depth - ROUNDING : CLOSEST;
         limit = depth - TOUCH > limit ? depth - TOUCH : limit;
         limit = margin < limit ? margin : limit;
-        double met = fabs(v.turn * s->seconds) < STRAIGHT
-            ? meet_straight(at[0], at[1], limit, s->base, v)
-            : meet_turning(at[0], at[1], limit, s->base, centre_x, centre_y, v.turn < 0.0 ? -1.0 : 1.0) / fabs(v.turn);
+        double met = s->is_straight ? meet_straight(at[0], at[1], limit, s->base, v)
+            : meet_turning(at[0], at[1], limit, s->base, s->centre, v.turn < 0.0 ? -1.0 : 1.0) / fabs(v.turn);
         first = met < first ? met : first;
     }
     return first;
@@ -917,17 +944,21 @@ void see_poses(const double *poses, int64_t count, int64_t own, double *seen)
 
 int64_t read_ranges(double *ranges, int64_t count, double least, double most, double *nearest)
 {
-    const double low = least * (1.0 - 1e-6), high = most * (1.0 + 1e-6), free = most * (1.0 - 1e-6);
+    const double low = larger(least * (1.0 - 1e-6), 5e-324), high = most * (1.0 + 1e-6), free = most * (1.0 - 1e-6);
     int64_t silent = 0;
-    *nearest = INFINITY;
+    double found = INFINITY;
     for (int64_t i = 0; i < count; i++) {
         double range = ranges[i];
-        int says = (range > 0.0 && range >= low && range <= high) || range == INFINITY || range == -INFINITY;
-        range = !says ? NAN : range >= free ? INFINITY : range > 0.0 ? range : 0.0;
-        silent += !says;
-        *nearest = range < *nearest ? range : *nearest;
-        ranges[i] = range;
+        int says = ((range >= low) & (range <= high)) | (fabs(range) == INFINITY);
+        range = says ? range : NAN;
+        range = range >= free ? INFINITY : range;
+        ranges[i] = range < 0.0 ? 0.0 : range;
     }
+    for (int64_t i = 0; i < count; i++) {
+        silent += ranges[i] != ranges[i];
+        found = ranges[i] < found ? ranges[i] : found;
+    }
+    *nearest = found;
     return silent;
 }
 

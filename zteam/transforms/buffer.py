@@ -40,6 +40,9 @@ class Buffer:
         """By child frame."""
         self._paths: dict[tuple[str, str], FramePath] = {}
         """By target and source; cleared if a frame, a parent or a static transform changes."""
+        self.version = 0
+        """How often a frame, a parent or a static transform has changed: what leads over static transforms alone is the
+        same meanwhile."""
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
         self._changed = threading.Condition(self.lock)
@@ -97,7 +100,7 @@ class Buffer:
         """Forget an edge and its history."""
         with self.lock:
             if self._edges.pop(child, None) is not None:
-                self._paths.clear()
+                self._forget_paths()
 
     def clear(self) -> None:
         """Forget all moving data; static transforms and the names of the frames stay, as in tf2."""
@@ -105,7 +108,7 @@ class Buffer:
             for child, edge in self._edges.items():
                 if not edge.static:
                     self._edges[child] = TimeCache()
-            self._paths.clear()
+            self._forget_paths()
 
     def take_time(self, now: int) -> bool:
         """Take the current time (ns): True if it jumped back, which clears the buffer and is logged."""
@@ -247,6 +250,10 @@ class Buffer:
 
     # All below: callers hold the lock.
 
+    def _forget_paths(self) -> None:
+        self._paths.clear()
+        self.version += 1
+
     def _add(self, child: str, parent: str, stamp: int, floats: Floats, authority: str) -> Rejection | None:
         """`_put` a moving sample, in short where it is a usual one."""
         edge = self._edges.get(child)
@@ -293,7 +300,7 @@ class Buffer:
         if edge is None or not edge.parent or static:
             edge = self._edges[child] = TimeCache(static)
         if edge.parent != parent or static:
-            self._paths.clear()
+            self._forget_paths()
         edge.insert(stamp, parent, floats, self._cache)
         edge.authority = authority
         self._frames.update((child, parent))

@@ -117,6 +117,8 @@ class LaserMounts:
         self._base, self._odom = (names.robot_frame(robot_id, each) for each in (names.BASE_FOOTPRINT, names.ODOM))
         self._statics, self._tf = (names.robot_key(robot_id, each) for each in (names.TF_STATIC, names.TF))
         self._newest: tuple[LaserScan, Floats, LevelScan] | None = None
+        self._fixed: tuple[str, list[int], Floats] | None = None
+        """The frame of a laser that does not move on its base, the buffers' versions, and base_from_laser."""
 
     def level(self, scan: LaserScan) -> LevelScan:
         """A scan of one of the robot's lasers as the base sees it; the same object for the same scan and mount."""
@@ -131,6 +133,9 @@ class LaserMounts:
 
     def _find(self, header: Header) -> Floats | LaserProblem:
         """base_from_laser; or why it is not known, or of no use."""
+        versions, fixed = [buffer.version for buffer in self._buffers], self._fixed
+        if fixed is not None and fixed[0] == header.frame_id and fixed[1] == versions:
+            return fixed[2]
         given, stamp = names.strip_slash(header.frame_id), ns_from_time(header.stamp)
         if not given:
             return self._problem("a frame_id in the header of its scans", "its laser's frame")
@@ -140,8 +145,11 @@ class LaserMounts:
             # A frame of the team file may have a name without a prefix.
             known = next((each for each in (frame, given) if len(buffer.chain(each)) > 1), frame)
             found = self._find_in(buffer, known, stamp)
-            if found is not None:
-                return found
+            if found is None:
+                continue
+            if not isinstance(found, LaserProblem) and not buffer.latest_common_time(self._base, known):
+                self._fixed = header.frame_id, versions, found
+            return found
         return self._problem(f"its laser's frame {frame} ({self._statics}, from its base)", frame)
 
     def _problem(self, noun: str, frame: str) -> LaserProblem:
