@@ -62,7 +62,7 @@ def margin_of(outline: Outline, arc: Velocity) -> float:
 
 def meeting_time(base: Base, arc: Velocity, seconds: float, points: Floats, clearance: float = 0.0) -> float:
     """What the kernel says."""
-    return limits_of(base).kernel.meet(arc, seconds, np.ascontiguousarray(points), clearance)
+    return limits_of(base).meeting_time(arc, seconds, np.ascontiguousarray(points), clearance)
 
 
 def moved(arc: Velocity, seconds: float) -> Pose2:

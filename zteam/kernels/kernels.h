@@ -126,84 +126,87 @@ void find_cluster(const double *poses, const double *weights, int64_t count, con
                   int64_t *table, int64_t mask, int64_t *cluster, int64_t *stack, double *totals, int64_t *labels,
                   double *moments);
 
-/* A base: its hull (see outlines.h) and its limits. Infinity where it tells none, but for how hard it brakes. */
+/* A pose, with the cosine and the sine of its yaw. */
 typedef struct {
-    const double *planes;         /* (sides, 3): half-planes of the hull */
-    const double *corners;        /* (tips, 2), metres */
-    const double *border;         /* (2, edge): points on the outline */
+    double x, y, cosine, sine;
+} frame;
+
+/* A base: its hull and its limits. Infinity where it tells none, but for how hard it brakes. */
+typedef struct {
+    const double *planes;           /* (sides, 3): half-planes of the hull, as outlines.h has them */
+    const double *corners, *border; /* (tips, 2); (2, edge): points on the outline; metres */
     int64_t sides, tips, edge;
-    double radius;                /* metres from the origin to the furthest corner */
-    double low, high, aside, turn; /* m/s forwards, from and to; m/s to either side; rad/s */
-    double gain[2], loss[2];      /* m/s² forwards and backwards: how much speed it gains, or loses, at most */
-    double swerve, spin;          /* m/s² to the side, rad/s² */
+    double radius;                  /* metres from the origin to the furthest corner */
+    double low, high, aside, turn;  /* m/s forwards, from and to; m/s to either side; rad/s */
+    double gain[2], loss[2];        /* m/s² forwards and backwards: how much speed it gains, or loses, at most */
+    double swerve, spin;            /* m/s² to the side, rad/s² */
     double braking[2], aside_braking, turn_braking; /* how hard it brakes */
-    double least_braking;         /* m/s²: along the way on which it brakes least */
-    double wheelbase;             /* metres */
-    double too_fast;              /* m/s: one that seems faster was set down elsewhere */
-    uint8_t is_car, accelerates;  /* whether it has limits of acceleration at all */
+    double least_braking;           /* m/s²: along the way on which it brakes least */
+    double wheelbase;               /* metres */
+    double too_fast;                /* m/s: one that seems faster was set down elsewhere */
+    uint8_t is_car, accelerates;    /* accelerates: whether it has limits of acceleration at all */
 } base_limits;
 
 /* A teammate as one robot knows it. */
 typedef struct {
     const base_limits *base;
-    int64_t row, robot_id; /* of `poses` */
-    int64_t stamp;         /* ns: when it was there; 0: it never moves */
-    double x, y, yaw;      /* in `map` */
-    double speed_x, speed_y, speed, age, bearing; /* in `map`, m/s; seconds; from the laser, if `is_fresh` */
-    uint8_t is_known, is_fresh;
+    int64_t row, robot_id;             /* of the poses that come */
+    int64_t stamp;                     /* ns: when it was there; 0: it never moves */
+    double x, y, speed_x, speed_y;     /* in `map`: metres, m/s */
+    frame at;                          /* in the base frame */
+    double leaves_x, leaves_y;         /* its speed along the axes of the base */
+    double age, bearing;               /* seconds; where it is from the laser */
+    uint8_t is_known, explains;        /* whether its pose is; whether it explains beams that say nothing */
 } teammate;
 
-/* What the safety layer of one robot remembers. All is in its base frame, but for teammates. */
+/* What the safety layer of one robot remembers. */
 typedef struct {
     const base_limits *base;
     teammate *mates;
     int64_t mate_count;
-    double *known;               /* (3, room): x and y of points, and how far the base had travelled when each was seen */
-    double *silent;              /* (room): bearings, from the laser, of beams that have said nothing for a while */
+    double *known;             /* (3, room): points, and how far the base had travelled when each was seen; metres */
+    double *silent;            /* bearings, from the laser, of beams that have said nothing for a while */
     int64_t count, silent_count, room;
-    double x, y, yaw, travelled; /* the pose in `odom` by which points are told; metres */
-    double backing;              /* metres that it may back up over ground that it drove over; below 0: over other */
+    double pose[3], travelled; /* in `odom`, of the frame in which points are; metres */
+    double backing;            /* metres that it may back up over ground that it drove over; below 0: over other */
     double laser_x, laser_y, range, middle, half; /* the laser: where, how far, and to which bearings it looks */
-    int64_t heard[360], whole;   /* ns: when a beam of each sector of `odom` spoke last, and all of them at once */
-    double motion[3];            /* what the base was told to do last */
-    double command[3];           /* the same as its command: of a car the angle of the wheels is last */
-    double measured[3];          /* odometry's velocity if the base is faster than it was told to be */
-    double here_x, here_y, here_yaw; /* its pose in `map` */
-    double reaction, extra;      /* seconds until the next command; metres that are to be free besides the gaps */
-    int64_t held;                /* which way the motion went that was stopped last (see way_of); 0: none */
-    int64_t met, side;           /* of the cause: the robot, -1 for an obstacle; 0 ahead, 1 behind, 2 beside */
-    uint8_t has_pose, has_beams, is_here, is_faster;
+    int64_t heard[360], whole; /* ns: when a beam of each sector of `odom` spoke last, and all of them at once */
+    double motion[3];          /* what the base was told to do last */
+    double command[3];         /* the same as its command: of a car the angle of the wheels is last */
+    double measured[3];        /* odometry's velocity, if the base is faster than it was told to be (is_faster) */
+    double reaction, extra;    /* seconds until the next command; metres that are to be free besides the gaps */
+    int64_t held;              /* which way the motion went that was stopped last; 0: none */
+    int64_t met, side;         /* of the cause: the robot, -1 for an obstacle; 0 ahead, 1 behind, 2 beside */
+    uint8_t has_pose, has_beams, is_faster;
 } safety_memory;
 
 /* What comes in a step. */
 typedef struct {
-    const double *angles, *axes, *distances; /* of the new scan, if there is one: as for see */
+    const double *angles, *axes, *distances; /* of a scan: bearings, their cosines and sines (2, beams); metres or NaN */
     int64_t beams;
     double start, step, range, laser_x, laser_y;
-    const double *odom;     /* pose in `odom` and velocity, (6) */
-    const double *poses;    /* (rows, 3): of robots in `map`, NaN where not known */
-    const int64_t *stamps;  /* (rows), ns */
-    int64_t own_row, now;   /* -1: the own pose is not known */
-    double dt;              /* seconds since the last step; 0: it is the first, or there was a pause */
-    uint8_t is_old, has_scan, all_speak, lacks; /* no usable scan; a new one; what the driver lacks makes it stop */
+    const double *odom;    /* (6): pose in `odom` and velocity */
+    const double *poses;   /* (rows, 3): of robots in `map`, NaN where not known */
+    const int64_t *stamps; /* (rows), ns */
+    int64_t own_row, now;
+    double dt;             /* seconds since the last step; 0: it is the first, or there was a pause */
+    uint8_t is_old, has_scan, all_speak, lacks; /* no usable scan; a new one; a stop is due to data that is lacking */
 } safety_inputs;
 
-/* safety.c: what a base meets. Points are (2, count) or, with how far the base had travelled then, (3, count). */
-/* The command that is left of a wanted one, (3) to motion and command of the memory, and why: 0 nothing, 1 it is no
-   number, 2 blind, 3 it cannot see there, 4 it is stopped. */
+/* safety.c */
+/* Write the motion and the command that are left of a wanted command (3) to the memory; return why: 0 nothing, 1 it is
+   no number, 2 blind, 3 the laser does not look there, 4 it is stopped. */
 int64_t limit(safety_memory *m, const safety_inputs *in, const double *wanted);
-/* Within the limits of speed: what the base makes of a command (0: it is no number), and the command that makes that. */
+/* What the base makes of a command within its limits of speed (0: it is no number), and the command that makes that. */
 int motion_of(const base_limits *base, const double *wanted, double *motion);
 void command_of(const base_limits *base, const double *motion, double *command);
 /* Seconds that braking along an arc takes. */
-double stop_time(const base_limits *base, const double *motion);
-/* Seconds until a base on an arc first comes nearer to a point than the margin and clearance; inf: it does not. */
+double stop_time(const base_limits *base, double x, double y, double turn);
+/* Seconds until a base on an arc first comes nearer to a point of (2, count) than the margin and clearance; or inf. */
 double meet(const base_limits *base, const double *motion, double seconds, double clearance, const double *points,
             int64_t count);
-/* Drop known points, (3, room), that a scan tells of, or that are far or old; add its hits, the nearest of every few;
-   return how many points there are. */
-int64_t see(double *known, int64_t count, int64_t room, const double *axes, const double *distances, int64_t beams,
-            double start, double step, int64_t few, double x, double y, double far, double way, double oldest);
+
+/* view.c: axes (2, beams) are directions of beams, distances metres; NaN: the beam says nothing */
 /* Tell poses (count, 3) in the frame of one of them. */
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
 /* Make distances of the ranges of a scan, as zteam.messages.laser says; return how many beams say nothing. */

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from zteam.kernels import safety as kernels
+from zteam.kernels import view as kernels
 
 
 class Ranges(NamedTuple):

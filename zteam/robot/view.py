@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.counter_random import uniform
 from zteam.geometry import Point2, Pose2
-from zteam.kernels import safety as kernels
+from zteam.kernels import view as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.laser import read_ranges

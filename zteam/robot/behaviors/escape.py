@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, normalize_angle
-from zteam.kernels import safety as kernels
+from zteam.kernels import escape as kernels
 from zteam.messages import Twist, Vector3
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import outline_of

@@ -24,26 +24,34 @@ from collections.abc import Mapping
 import numpy as np
 
 from zteam import names
-from zteam.kernels import safety as kernels
-from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
+from zteam.geometry import Point2
+from zteam.kernels.binding import ffi, lib, memory
+from zteam.messages import LaserScan, Twist, ns_from_time
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.planar import pose2_of
 from zteam.reasons import Reason
-from zteam.robot.safety.motion import NO_NUMBER, Floats, limits_of
+from zteam.robot.safety.motion import NO_NUMBER, BaseLimits, Floats, limits_of, twist_of
 from zteam.robot.view import Beams, View, beams_of
 
 STALE_AFTER = 0.5
 """Seconds after which a scan, or the robot's own pose, is too old to move on."""
 _NO_BEAMS = Beams((0.0, 0.0, 0), np.empty(0), np.empty((2, 0)), np.empty(0), np.empty(0), math.inf, all_speak=True)
 _SIDES = "ahead", "behind", "beside"
+_CAUSES = "", NO_NUMBER, "blind {}", "it cannot see {}", "{} {}"
+_UNSEEN, _STOPPED = 3, 4
+"""Of these: what slows the robot, and what it is stopped before."""
 
 
 class SafetyLayer:
     """Limits the velocities of one robot. It remembers what came before: make a new one when time has jumped back."""
 
     def __init__(self) -> None:
-        self._memory = kernels.SafetyMemory()
-        self._base: Base | None = None
+        self._memory, self._inputs = ffi.new("safety_memory *"), ffi.new("safety_inputs *")
+        self._odometry, self._known, self._silent = ffi.new("double[6]"), np.empty((3, 0)), ffi.new("double[0]")
+        self._base: BaseLimits | None = None
+        self._mates: list[BaseLimits] = []
+        self._teammates, self._beams = ffi.new("teammate[0]"), _NO_BEAMS
+        """C has pointers to all of these."""
         self._scan: LaserScan | None = None
         self._team: tuple[Mapping[int, int], Mapping[int, Base]] | None = None
         """The rows of poses, and the bases, by which the teammates were chosen."""
@@ -51,7 +59,7 @@ class SafetyLayer:
     @property
     def points(self) -> Floats:
         """(2, n) in the base frame: what stands around."""
-        return self._memory.points
+        return self._known[:2, : self._memory.count].copy()
 
     def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
         """`wanted` as far as it is safe, and why it was cut ("" = it was not).
@@ -60,47 +68,68 @@ class SafetyLayer:
         plain ones, whatever was wanted. With a `reason` a wanted stop is due to data that the driver lacks: the base
         then brakes evenly.
         """
-        memory, trouble, poses = self._memory, old_scan(view), view.poses
-        if view.base is not self._base:
-            self._base, self._scan = view.base, None
-            memory.take_base(limits_of(view.base).kernel)
+        inputs, trouble, poses, limits = self._inputs, old_scan(view), view.poses, limits_of(view.base)
+        if limits is not self._base:
+            self._base, self._scan = limits, None
+            self._memory.base, self._memory.has_pose = limits.struct, False
         if self._team is None or self._team[0] is not poses.rows or self._team[1] is not view.bases:
             self._team = poses.rows, view.bases
-            mates = sorted({*view.bases, *view.team} - {view.robot_id})
-            bases = [limits_of(view.bases.get(robot, DEFAULT_BASE)).kernel for robot in mates]
-            memory.take_mates([(robot, poses.rows[robot], base) for robot, base in zip(mates, bases, strict=True)])
-        if view.odom is None:
-            memory.take_odometry(None)
-        else:
+            self._take_team(view, poses.rows)
+        inputs.odom = ffi.NULL
+        if view.odom is not None:
             twist = view.odom.twist.twist
-            memory.take_odometry((*pose2_of(view.odom.pose.pose), twist.linear.x, twist.linear.y, twist.angular.z))
-        is_new = not trouble and view.scan is not None and view.scan is not self._scan
-        if is_new and view.scan is not None:
-            self._scan, beams = view.scan, beams_of(view.scan) or _NO_BEAMS
-            read = beams.angles, beams.axes, beams.distances, beams.laser[:2]
-            memory.take_scan(*read, view.scan.range_max, view.laser, all_speak=beams.all_speak)
-        linear, turn = wanted.linear, wanted.angular.z
-        cause, (x, y, turn) = memory.limit(
-            (linear.x, linear.y, turn), poses.poses, poses.stamps, poses.rows.get(view.robot_id, -1), view.now, view.dt,
-            is_old=bool(trouble), has_scan=is_new, lacks=bool(reason),
-        )  # fmt: skip
-        command = Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
-        return command, trouble or (self._why(cause) if cause else "")
+            self._odometry[0:6] = *pose2_of(view.odom.pose.pose), twist.linear.x, twist.linear.y, twist.angular.z
+            inputs.odom = self._odometry
+        inputs.has_scan = False
+        if view.scan is not None and view.scan is not self._scan and not trouble:
+            self._take_scan(view.scan, beams_of(view.scan) or _NO_BEAMS, view.laser)
+        inputs.poses = memory("poses", poses.poses, len(poses.rows), 3)
+        inputs.stamps = memory("stamps", poses.stamps, len(poses.rows))
+        inputs.own_row, inputs.now, inputs.dt = poses.rows.get(view.robot_id, -1), view.now, view.dt
+        inputs.is_old, inputs.lacks = bool(trouble), bool(reason)
+        cause = lib.limit(self._memory, inputs, (wanted.linear.x, wanted.linear.y, wanted.angular.z))
+        return twist_of(*self._memory.command), trouble or (self._why(cause) if cause else "")
 
     def halt(self, view: View) -> None:
         """The robot is commanded zero velocity, whatever was wanted: its base brakes as hard as it can."""
         self.limit(Twist(), view)
-        self._memory.stand()
+        self._memory.motion, self._memory.held = (0.0, 0.0, 0.0), 0
+
+    def _take_team(self, view: View, rows: Mapping[int, int]) -> None:
+        """The teammates are others, or have other bases: what is known of those that stay is kept."""
+        before = {(mate.robot_id, mate.base): mate for mate in self._teammates}
+        robots = sorted({*view.bases, *view.team} - {view.robot_id})
+        mates, self._mates = ffi.new("teammate[]", len(robots)), []
+        for mate, robot in zip(mates, robots, strict=True):
+            limits = limits_of(view.bases.get(robot, DEFAULT_BASE))
+            if (known := before.get((robot, limits.struct))) is not None:
+                ffi.memmove(ffi.addressof(mate), ffi.addressof(known), ffi.sizeof("teammate"))
+            mate.robot_id, mate.row, mate.base = robot, rows[robot], limits.struct
+            self._mates.append(limits)
+        self._teammates = self._memory.mates = mates
+        self._memory.mate_count = len(robots)
+
+    def _take_scan(self, scan: LaserScan, beams: Beams, laser: Point2) -> None:
+        """A new scan, with a laser at a place of the base (m)."""
+        inputs, kept, count = self._inputs, self._memory, beams.distances.size
+        self._scan, self._beams = scan, beams
+        if kept.count + count > kept.room or count > len(self._silent):
+            known, self._known = self._known[:, : kept.count], np.empty((3, 2 * kept.count + count))
+            self._known[:, : kept.count], self._silent = known, ffi.new("double[]", count)
+            kept.known, kept.room = memory("known", self._known, *self._known.shape, out=True), self._known.shape[1]
+            kept.silent = self._silent
+        inputs.angles, inputs.axes = memory("angles", beams.angles, count), memory("axes", beams.axes, 2, count)
+        inputs.distances, inputs.beams = memory("distances", beams.distances, count), count
+        inputs.start, inputs.step, _ = beams.laser
+        inputs.laser_x, inputs.laser_y = laser
+        inputs.range, inputs.all_speak, inputs.has_scan = scan.range_max, beams.all_speak, True
 
     def _why(self, cause: int) -> str:
         side, met = _SIDES[self._memory.side], self._memory.met
-        if cause == kernels.NO_NUMBER:
-            return NO_NUMBER
-        if cause == kernels.BLIND:
-            return f"blind {side}"
-        if cause == kernels.UNSEEN:
-            return Reason(f"it cannot see {side}", slows=True)
-        return f"obstacle {side}" if met < 0 else Reason(f"{names.robot_name(met)} {side}", blocked_by=met)
+        if cause != _STOPPED:
+            return Reason(_CAUSES[cause].format(side), slows=cause == _UNSEEN)
+        before = "obstacle" if met < 0 else names.robot_name(met)
+        return Reason(_CAUSES[cause].format(before, side), blocked_by=met)
 
 
 def old_scan(view: View) -> str:

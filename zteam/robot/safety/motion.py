@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Point2, Velocity, convex_hull
-from zteam.kernels import safety as kernels
+from zteam.kernels.binding import ffi, lib, memory
 from zteam.messages import Twist, Vector3
 from zteam.messages.base import Base
 
@@ -82,31 +82,53 @@ class BaseLimits:
         loss = -base.decel_lim_x, back if math.isfinite(back) else -base.decel_lim_x
         bounds = base.acc_lim_x, base.decel_lim_x, back, base.acc_lim_y, base.acc_lim_theta
         braking = [each if math.isfinite(each) else BRAKING for each in (*loss, base.acc_lim_y)]
-        self.kernel = kernels.BaseKernel(
-            hull.rows, hull.corners, hull.border,
-            radius=hull.radius, low=base.min_vel_x, high=base.max_vel_x, aside=base.max_vel_y if is_omni else 0.0,
-            turn=base.max_vel_theta, loss=loss, swerve=base.acc_lim_y, spin=base.acc_lim_theta,
+        self._hull, sides, tips, edge = hull, len(hull.rows), len(hull.corners), hull.border.shape[1]
+        self.struct = ffi.new("base_limits *", {
+            "planes": memory("rows", hull.rows, sides, 3), "sides": sides,
+            "corners": memory("corners", hull.corners, tips, 2), "tips": tips,
+            "border": memory("border", hull.border, 2, edge), "edge": edge,
+            "radius": hull.radius, "wheelbase": self.wheelbase,
+            "low": base.min_vel_x, "high": base.max_vel_x, "aside": base.max_vel_y if is_omni else 0.0,
+            "turn": base.max_vel_theta, "swerve": base.acc_lim_y, "spin": base.acc_lim_theta,
             # Backwards a base gains speed no harder than it brakes forwards: that is the simulator's bound.
-            gain=(base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)),
-            braking=braking[:2], aside_braking=braking[2], least_braking=min(braking if is_omni else braking[:2]),
-            turn_braking=base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING,
-            wheelbase=self.wheelbase, too_fast=TOO_FAST * max(base.max_vel_x, base.max_vel_y),
-            is_car=base.drive == "car", accelerates=any(map(math.isfinite, bounds)),
-        )  # fmt: skip
+            "gain": (base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)), "loss": loss,
+            "braking": braking[:2], "aside_braking": braking[2],
+            "least_braking": min(braking if is_omni else braking[:2]),
+            "turn_braking": base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING,
+            "too_fast": TOO_FAST * max(base.max_vel_x, base.max_vel_y),
+            "is_car": base.drive == "car", "accelerates": any(map(math.isfinite, bounds)),
+        })  # fmt: skip
+        """For C, as kernels.h has it. It needs the arrays of the hull."""
 
     def motion_of(self, wanted: Twist) -> Velocity | None:
         """What the base makes of a command within its limits of speed; None if that is no number."""
-        motion = self.kernel.motion_of(wanted.linear.x, wanted.linear.y, wanted.angular.z)
-        return None if motion is None else Velocity(*motion)
+        motion = ffi.new("double[3]")
+        is_number = lib.motion_of(self.struct, (wanted.linear.x, wanted.linear.y, wanted.angular.z), motion)
+        return Velocity(*motion) if is_number else None
 
     def command_of(self, motion: Velocity) -> Twist:
         """The command that makes the base do this."""
-        x, y, turn = self.kernel.command_of(motion)
-        return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
+        command = ffi.new("double[3]")
+        lib.command_of(self.struct, motion, command)
+        return twist_of(*command)
 
     def stop_time(self, motion: Velocity) -> float:
         """Seconds that braking along the arc takes."""
-        return self.kernel.stop_time(motion)
+        return float(lib.stop_time(self.struct, *motion))
+
+    def meeting_time(self, motion: Velocity, seconds: float, points: Floats, clearance: float = 0.0) -> float:
+        """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
+
+        inf if it does not. Where it is nearer to a point than that now, what counts is when it comes nearer still to
+        that one, or as near to another: so a base may always move away, and along a wall.
+        """
+        count = points.shape[1]
+        return float(lib.meet(self.struct, motion, seconds, clearance, memory("points", points, 2, count), count))
+
+
+def twist_of(x: float, y: float, turn: float) -> Twist:
+    """A command in the plane (m/s, m/s, rad/s)."""
+    return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
 
 
 limits_of = lru_cache(maxsize=256)(BaseLimits)
