@@ -43,12 +43,13 @@ ranges = st.floats(0.03125, 6.0, width=32) | st.sampled_from([math.nan, math.inf
 
 @st.composite
 def looks(draw: st.DrawFn) -> list[tuple[Pose2, tuple[float, float, int], Floats]]:
-    """Poses in `odom`, each with a laser and what it sees; another laser each time, as of a robot with two."""
+    """Poses in `odom`, each with a laser and what it sees, or nothing; another laser each time, as of a robot with two."""
     found = []
-    for _ in range(draw(st.integers(1, 4))):
+    for _ in range(draw(st.integers(1, 9))):
         laser = draw(st.sampled_from(LASERS))
         pose = Pose2(draw(st.floats(-0.4, 0.4)), draw(st.floats(-0.4, 0.4)), draw(st.floats(-3.0, 3.0)))
-        found.append((pose, laser, draw(arrays(np.float32, laser[2], elements=ranges))))
+        values = arrays(np.float32, laser[2], elements=ranges) if draw(st.booleans()) else st.just([math.nan] * laser[2])
+        found.append((pose, laser, np.array(draw(values), np.float32)))
     return found
 
 

@@ -180,17 +180,24 @@ typedef struct {
     uint8_t has_pose, has_beams, is_faster;
 } safety_memory;
 
+/* A scan as it was read. */
+typedef struct {
+    const double *angles, *axes; /* bearings, and their cosines and sines (2, beams) */
+    const double *distances;     /* metres; NaN: the beam says nothing */
+    int64_t beams, silent;       /* how many there are, and how many of them say nothing */
+    double start, step;          /* radians: the first angle, the increment */
+} laser_scan;
+
 /* What comes in a step. */
 typedef struct {
-    const double *angles, *axes, *distances; /* of a scan: bearings, their cosines and sines (2, beams); metres or NaN */
-    int64_t beams;
-    double start, step, range, laser_x, laser_y;
+    const laser_scan *seen;      /* NULL: no new one */
+    double range, laser_x, laser_y;
     const double *odom;    /* (6): pose in `odom` and velocity */
     const double *poses;   /* (rows, 3): of robots in `map`, NaN where not known */
     const int64_t *stamps; /* (rows), ns */
     int64_t own_row, now;
     double dt;             /* seconds since the last step; 0: it is the first, or there was a pause */
-    uint8_t is_old, has_scan, all_speak, lacks; /* no usable scan; a new one; a stop is due to data that is lacking */
+    uint8_t is_old, lacks; /* whether there is no usable scan, and whether a stop is due to data that is lacking */
 } safety_inputs;
 
 /* safety.c */
@@ -206,17 +213,15 @@ double stop_time(const base_limits *base, double x, double y, double turn);
 double meet(const base_limits *base, const double *motion, double seconds, double clearance, const double *points,
             int64_t count);
 
-/* view.c: axes (2, beams) are directions of beams, distances metres; NaN: the beam says nothing */
+/* view.c */
 /* Tell poses (count, 3) in the frame of one of them. */
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
 /* Make distances of the ranges of a scan, as zteam.messages.laser says; return how many beams say nothing. */
 int64_t read_ranges(double *ranges, int64_t count, double least, double most, double *nearest);
 /* Metres to the nearest hit in a corridor; it looks no further once a hit is nearer than enough. */
-double look_along(const double *axes, const double *distances, int64_t beams, double half_width, double heading,
-                  double enough);
+double look_along(const laser_scan *seen, double half_width, double heading, double enough);
 /* The first of some headings whose corridor is clear for some reach, or -1. */
-int64_t first_clear(const double *axes, const double *distances, int64_t beams, double half_width, double reach,
-                    const double *headings, int64_t count);
+int64_t first_clear(const laser_scan *seen, double half_width, double reach, const double *headings, int64_t count);
 
 /* What stands around a base, and where it is to get: in its frame, in metres. Places are the middles of 85 * 85 cells;
    the base stands on the middle one. */

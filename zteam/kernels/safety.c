@@ -183,19 +183,36 @@ typedef struct {
     frame at;
 } cloud;
 
-/* An arc that is looked at, and the disc that holds all that the base sweeps on it with the margin. */
+/* An arc that is looked at, and what holds all that the base sweeps on it with the margin: a disc, and a ring about the
+   centre of the arc, or a strip along a straight one. */
 typedef struct {
     const base_limits *base;
     velocity motion;
-    double seconds, margin, x, y, radius;
+    double seconds, margin, x, y, radius, inner, outer;
+    int is_straight;
 } sweep;
+
+/* How far a point is from the centre of the arc, or to the left of a straight one. */
+static double aside_of(const sweep *s, double x, double y)
+{
+    velocity v = s->motion;
+    return s->is_straight ? (v.x * y - v.y * x) / speed_of(v) : sqrt((x + v.y / v.turn) * (x + v.y / v.turn) + (y - v.x / v.turn) * (y - v.x / v.turn));
+}
 
 static sweep sweep_of(const base_limits *b, velocity v, double seconds, double clearance)
 {
     double speed = speed_of(v), fastest = speed + fabs(v.turn) * b->radius;
     double margin = SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (fastest > 0.0 ? speed / fastest : 0.0) + clearance;
     frame middle = move_on(v, 0.5 * seconds);
-    return (sweep){b, v, seconds, margin, middle.x, middle.y, 0.5 * speed * seconds + b->radius + margin};
+    sweep s = {b, v, seconds, margin, middle.x, middle.y, 0.5 * speed * seconds + b->radius + margin, INFINITY, -INFINITY,
+               fabs(v.turn * seconds) < STRAIGHT};
+    for (const double *corner = b->corners; corner < b->corners + 2 * b->tips; corner += 2) {
+        s.inner = smaller(s.inner, aside_of(&s, corner[0], corner[1]));
+        s.outer = larger(s.outer, aside_of(&s, corner[0], corner[1]));
+    }
+    if (!s.is_straight)
+        s.inner = depth_of(-v.y / v.turn, v.x / v.turn, b->planes, b->sides);
+    return s;
 }
 
 /* Seconds until a base that drives straight on has a point within `limit` of all half-planes at once. */
@@ -245,7 +262,8 @@ static double meet_turning(point p, double limit, const base_limits *b, velocity
 static double meet_copies(const sweep *s, const cloud *points, double count, double step_x, double step_y)
 {
     const base_limits *b = s->base;
-    double margin = s->margin, first = INFINITY;
+    /* Half-planes are less than a right angle apart: at a corner they are so much further out than the margin. */
+    double margin = s->margin, apart = 1.42 * margin + TINY, first = INFINITY;
     for (int is_second = 0; is_second < 2; is_second++)
         for (double copy = 0.0; copy < count; copy++) {
             const frame at = {points->at.x + copy * step_x, points->at.y + copy * step_y, points->at.cosine, points->at.sine};
@@ -253,6 +271,12 @@ static double meet_copies(const sweep *s, const cloud *points, double count, dou
                 point p = from_frame(at, points->x[i], points->y[i]);
                 double dx = p.x - s->x, dy = p.y - s->y;
                 if (!(dx * dx + dy * dy <= s->radius * s->radius))
+                    continue;
+                if (is_second) {
+                    double aside = aside_of(s, p.x, p.y);
+                    if (aside < s->inner - apart || aside > s->outer + apart)
+                        continue;
+                } else if (p.x * p.x + p.y * p.y > (b->radius + apart) * (b->radius + apart))
                     continue;
                 double depth = depth_of(p.x, p.y, b->planes, b->sides), limit, met;
                 if (!is_second) {
@@ -262,8 +286,7 @@ static double meet_copies(const sweep *s, const cloud *points, double count, dou
                 /* Where it is nearer than the margin now, it may come a little nearer. */
                 limit = larger(depth - TOUCH, smaller(depth - ROUNDING, CLOSEST));
                 limit = smaller(margin, limit);
-                met = fabs(s->motion.turn * s->seconds) < STRAIGHT
-                    ? meet_straight(p, limit, b, s->motion) : meet_turning(p, limit, b, s->motion);
+                met = s->is_straight ? meet_straight(p, limit, b, s->motion) : meet_turning(p, limit, b, s->motion);
                 first = met < first ? met : first;
             }
         }
@@ -406,7 +429,7 @@ static void move(safety_memory *m, const double *odom, double reach)
 }
 
 /* Drop the points that the scan tells of, and those that are far or old; add its hits, the nearest of every few. */
-static void see(safety_memory *m, const safety_inputs *in, double far)
+static void see(safety_memory *m, const laser_scan *in, double far)
 {
     const double stride = copysign(larger(fabs(in->step), 1e-6), in->step), around = larger(1.0, rint(TAU / fabs(stride)));
     const double few = floor(larger(1.0, FINEST / larger(fabs(in->step), 1e-9) + 1e-6)), beams = (double)in->beams;
@@ -443,20 +466,17 @@ static int64_t *heard_at(safety_memory *m, double bearing)
 }
 
 /* Take a scan: what it shows, and which of its beams have been silent for a while. */
-static void take_scan(safety_memory *m, const safety_inputs *in, double reach)
+static void take_scan(safety_memory *m, const laser_scan *in, int64_t now, double reach)
 {
-    m->range = in->range > 0.0 ? in->range : INFINITY;
     m->has_beams = in->beams > 0;
     if (!m->has_beams)
         return;
-    m->laser_x = in->laser_x;
-    m->laser_y = in->laser_y;
     m->silent_count = 0;
     m->middle = in->start + 0.5 * in->step * (double)(in->beams - 1);
     m->half = 0.5 * fabs(in->step) * (double)in->beams;
     see(m, in, larger(REACH, reach));
-    if (in->all_speak) {
-        m->whole = in->now;
+    if (!in->silent) {
+        m->whole = now;
         return;
     }
     /* The beams were then where they are now, or nearly so. */
@@ -465,9 +485,9 @@ static void take_scan(safety_memory *m, const safety_inputs *in, double reach)
     m->whole = m->whole > 0 ? -1 : m->whole;
     for (int64_t i = 0; i < in->beams; i++)
         if (in->distances[i] == in->distances[i])
-            *heard_at(m, in->angles[i]) = in->now;
+            *heard_at(m, in->angles[i]) = now;
     for (int64_t i = 0; i < in->beams; i++)
-        if (in->distances[i] != in->distances[i] && *heard_at(m, in->angles[i]) < in->now - STALE)
+        if (in->distances[i] != in->distances[i] && *heard_at(m, in->angles[i]) < now - STALE)
             m->silent[m->silent_count++] = in->angles[i];
 }
 
@@ -670,8 +690,12 @@ int64_t limit(safety_memory *m, const safety_inputs *in, const double *wanted)
         fastest = larger(fastest, b->aside);
         double reach = fastest * (m->reaction + 0.5 * fastest / b->least_braking) + b->radius + BEYOND;
         move(m, in->odom, reach);
-        if (in->has_scan)
-            take_scan(m, in, reach);
+        if (in->seen) {
+            m->range = in->range > 0.0 ? in->range : INFINITY;
+            m->laser_x = in->laser_x;
+            m->laser_y = in->laser_y;
+            take_scan(m, in->seen, in->now, reach);
+        }
         look_at_mates(m, in);
         forget_mates(m);
     }

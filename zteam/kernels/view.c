@@ -34,26 +34,24 @@ int64_t read_ranges(double *ranges, int64_t count, double least, double most, do
     return silent;
 }
 
-double look_along(
-    const double *axes, const double *distances, int64_t beams, double half_width, double heading, double enough)
+double look_along(const laser_scan *seen, double half_width, double heading, double enough)
 {
+    const double *axes = seen->axes, *distances = seen->distances;
     double cosine, sine, nearest = INFINITY;
     cosine_sine(heading, &cosine, &sine);
-    for (int64_t i = 0; i < beams && nearest >= enough; i++)
+    for (int64_t i = 0; i < seen->beams && nearest >= enough; i++)
         if (distances[i] < INFINITY) {
-            double hit_x = axes[i] * distances[i], hit_y = axes[beams + i] * distances[i];
+            double hit_x = axes[i] * distances[i], hit_y = axes[seen->beams + i] * distances[i];
             double x = cosine * hit_x + sine * hit_y, y = cosine * hit_y - sine * hit_x;
             nearest = x > 0.0 && x < nearest && fabs(y) <= half_width ? x : nearest;
         }
     return nearest;
 }
 
-int64_t first_clear(
-    const double *axes, const double *distances, int64_t beams, double half_width, double reach, const double *headings,
-    int64_t count)
+int64_t first_clear(const laser_scan *seen, double half_width, double reach, const double *headings, int64_t count)
 {
     for (int64_t i = 0; i < count; i++)
-        if (look_along(axes, distances, beams, half_width, headings[i], reach) >= reach)
+        if (look_along(seen, half_width, headings[i], reach) >= reach)
             return i;
     return -1;
 }

@@ -26,21 +26,20 @@ def read_ranges(distances: Floats, least: float, most: float) -> tuple[float, in
     return nearest[0], silent
 
 
-def look_along(axes: Floats, distances: Floats, half_width: float, heading: float) -> float:
-    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), else inf.
+def scan_of(angles: Floats, axes: Floats, distances: Floats, start: float, step: float, silent: int) -> Any:
+    """A scan for C: bearings (n, rad), their cosines and sines (2, n), and distances (n, m; NaN: it says nothing), all of
+    which have to outlive it; first angle and increment (rad); how many beams say nothing."""
+    beams = distances.size
+    arrays = memory("angles", angles, beams), memory("axes", axes, 2, beams), memory("distances", distances, beams)
+    return ffi.new("laser_scan *", (*arrays, beams, silent, start, step))
 
-    The scan: directions `axes` (2, m: cosines and sines) and `distances` (m; NaN: it says nothing) of beams.
-    """
-    return float(lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf))
+
+def look_along(scan: Any, half_width: float, heading: float) -> float:
+    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), else inf."""
+    return float(lib.look_along(scan, half_width, heading, -math.inf))
 
 
-def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float, headings: Floats) -> int:
+def first_clear(scan: Any, half_width: float, reach: float, headings: Floats) -> int:
     """Which of `headings` (n, rad) is the first whose corridor, as of `look_along`, is clear for `reach` (m), or -1."""
     count = len(headings)
-    given = *_scan(axes, distances), half_width, reach, memory("headings", headings, count), count
-    return int(lib.first_clear(*given))
-
-
-def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
-    beams = distances.size
-    return memory("axes", axes, 2, beams), memory("distances", distances, beams), beams
+    return int(lib.first_clear(scan, half_width, reach, memory("headings", headings, count), count))

@@ -25,12 +25,12 @@ class Ranges(NamedTuple):
     """Metres: NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure."""
     nearest: float
     """No hit is nearer (metres)."""
-    all_speak: bool
-    """Whether every beam says something."""
+    silent: int
+    """How many beams say nothing."""
 
 
 def read_ranges(ranges: ArrayLike, range_min: float, range_max: float) -> Ranges:
     """The ranges (n,) of a LaserScan with these limits, all in metres. The array given is left alone."""
     distances = np.array(ranges, np.float64)
     nearest, silent = kernels.read_ranges(distances, range_min, range_max)
-    return Ranges(distances, nearest, all_speak=not silent)
+    return Ranges(distances, nearest, silent)

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -50,7 +50,7 @@ class TeamPoses(NamedTuple):
 
     rows: Mapping[int, int]
     """The row of each robot, by its id."""
-    found: tuple[tuple[Pose2, int] | None, ...]
+    found: Sequence[tuple[Pose2, int] | None]
     """By row, the pose and its stamp (ns; 0: nothing on the way to it ever moves); None where it is not known."""
     poses: Floats
     """(rows, 3): m, m, rad; NaN where it is not known."""
@@ -58,9 +58,8 @@ class TeamPoses(NamedTuple):
     """(rows), ns."""
 
     @classmethod
-    def look_up(cls, rows: Mapping[int, int], lookup: FindPose) -> "TeamPoses":
-        """The newest poses of these robots."""
-        found = tuple(lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in rows)
+    def of(cls, rows: Mapping[int, int], found: Sequence[tuple[Pose2, int] | None]) -> "TeamPoses":
+        """What was found of these robots, by row."""
         poses = np.array([each[0] if each else _NOWHERE for each in found]).reshape(-1, 3)
         return cls(rows, found, poses, np.array([each[1] if each else 0 for each in found], np.int64))
 
@@ -105,7 +104,8 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if self.team_poses is not None:
             return self.team_poses
         robots = sorted({self.robot_id, *self.team, *self.bases})
-        return TeamPoses.look_up({robot: row for row, robot in enumerate(robots)}, self.lookup)
+        found = [self.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in robots]
+        return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
 
     @cached_property
     def _seen(self) -> list[tuple[float, float, float]]:
@@ -200,8 +200,8 @@ class Beams(NamedTuple):
     """`ranges`, but a hit that is too close to measure is at _TOUCHING: it still has the direction of its beam."""
     nearest: float
     """No hit is nearer (metres)."""
-    all_speak: bool
-    """Whether it is certain that every beam says something."""
+    scan: Any
+    """All that for C."""
 
     def find_hits(self, bound: float) -> Floats:
         """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""
@@ -217,12 +217,13 @@ def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats]:
 
 
 def _read(scan: LaserScan) -> Beams | None:
-    ranges, nearest, all_speak = read_ranges(scan.ranges, scan.range_min, scan.range_max)
+    ranges, nearest, silent = read_ranges(scan.ranges, scan.range_min, scan.range_max)
     laser = start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
     if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
         return None
     distances = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING)
-    return Beams(laser, *_directions(*laser), ranges, distances, nearest, all_speak)
+    angles, axes = _directions(*laser)
+    return Beams(laser, angles, axes, ranges, distances, nearest, kernels.scan_of(angles, axes, distances, start, step, silent))
 
 
 _newest: tuple[LaserScan | None, object, Beams | None] = None, None, None
@@ -261,7 +262,7 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     if not inside.size:
         return None
     distances, silent = beams.ranges.take(inside), 0
-    if not beams.all_speak:
+    if beams.scan.silent:
         # Silent beams must not be taken for the nearest.
         is_silent = np.isnan(distances)
         distances[is_silent], silent = np.inf, int(is_silent.sum())
@@ -276,7 +277,7 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
     beams = beams_of(scan)
     if beams is None:
         return math.inf
-    return kernels.look_along(beams.axes, beams.distances, half_width, heading)
+    return kernels.look_along(beams.scan, half_width, heading)
 
 
 def is_seen(scan: LaserScan, heading: float) -> bool:
@@ -306,5 +307,5 @@ def first_clear(
     if beams is None or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
         return heading
     headings = [heading, *[heading + turn for turn in turns]]
-    found = kernels.first_clear(beams.axes, beams.distances, half_width, reach, np.array(headings))
+    found = kernels.first_clear(beams.scan, half_width, reach, np.array(headings))
     return headings[found] if found >= 0 else None

@@ -132,6 +132,18 @@ class Buffer:
             stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, time)
         return Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp
 
+    def find_poses2(self, target_frame: str, source_frames: Iterable[str]) -> list[tuple[Pose2, int] | None]:
+        """As `lookup_pose2` of each source's newest pose; None where that fails."""
+        found: list[tuple[Pose2, int] | None] = []
+        with self.lock:
+            for source_frame in source_frames:
+                try:
+                    stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, 0)
+                    found.append((Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp))
+                except errors.TransformException:
+                    found.append(None)
+        return found
+
     def lookup_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> TransformStamped:

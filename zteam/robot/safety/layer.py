@@ -35,7 +35,7 @@ from zteam.robot.view import Beams, View, beams_of
 
 STALE_AFTER = 0.5
 """Seconds after which a scan, or the robot's own pose, is too old to move on."""
-_NO_BEAMS = Beams((0.0, 0.0, 0), np.empty(0), np.empty((2, 0)), np.empty(0), np.empty(0), math.inf, all_speak=True)
+_NO_BEAMS = ffi.new("laser_scan *")
 _SIDES = "ahead", "behind", "beside"
 _CAUSES = "", NO_NUMBER, "blind {}", "it cannot see {}", "{} {}"
 _UNSEEN, _STOPPED = 3, 4
@@ -50,7 +50,8 @@ class SafetyLayer:
         self._odometry, self._known, self._silent = ffi.new("double[6]"), np.empty((3, 0)), ffi.new("double[0]")
         self._base: BaseLimits | None = None
         self._mates: list[BaseLimits] = []
-        self._teammates, self._beams = ffi.new("teammate[0]"), _NO_BEAMS
+        self._beams: Beams | None = None
+        self._teammates = ffi.new("teammate[0]")
         """C has pointers to all of these."""
         self._scan: LaserScan | None = None
         self._team: tuple[Mapping[int, int], Mapping[int, Base]] | None = None
@@ -80,9 +81,12 @@ class SafetyLayer:
             twist = view.odom.twist.twist
             self._odometry[0:6] = *pose2_of(view.odom.pose.pose), twist.linear.x, twist.linear.y, twist.angular.z
             inputs.odom = self._odometry
-        inputs.has_scan = False
+        inputs.seen = ffi.NULL
         if view.scan is not None and view.scan is not self._scan and not trouble:
-            self._take_scan(view.scan, beams_of(view.scan) or _NO_BEAMS, view.laser)
+            self._scan, self._beams = view.scan, beams_of(view.scan)
+            self._make_room(0 if self._beams is None else self._beams.distances.size)
+            inputs.seen = _NO_BEAMS if self._beams is None else self._beams.scan
+            inputs.range, (inputs.laser_x, inputs.laser_y) = view.scan.range_max, view.laser
         inputs.poses = memory("poses", poses.poses, len(poses.rows), 3)
         inputs.stamps = memory("stamps", poses.stamps, len(poses.rows))
         inputs.own_row, inputs.now, inputs.dt = poses.rows.get(view.robot_id, -1), view.now, view.dt
@@ -109,20 +113,14 @@ class SafetyLayer:
         self._teammates = self._memory.mates = mates
         self._memory.mate_count = len(robots)
 
-    def _take_scan(self, scan: LaserScan, beams: Beams, laser: Point2) -> None:
-        """A new scan, with a laser at a place of the base (m)."""
-        inputs, kept, count = self._inputs, self._memory, beams.distances.size
-        self._scan, self._beams = scan, beams
-        if kept.count + count > kept.room or count > len(self._silent):
-            known, self._known = self._known[:, : kept.count], np.empty((3, 2 * kept.count + count))
-            self._known[:, : kept.count], self._silent = known, ffi.new("double[]", count)
+    def _make_room(self, beams: int) -> None:
+        """For what a scan with so many beams shows."""
+        kept = self._memory
+        if kept.count + beams > kept.room or beams > len(self._silent):
+            known, self._known = self._known[:, : kept.count], np.empty((3, 2 * kept.count + beams))
+            self._known[:, : kept.count], self._silent = known, ffi.new("double[]", beams)
             kept.known, kept.room = memory("known", self._known, *self._known.shape, out=True), self._known.shape[1]
             kept.silent = self._silent
-        inputs.angles, inputs.axes = memory("angles", beams.angles, count), memory("axes", beams.axes, 2, count)
-        inputs.distances, inputs.beams = memory("distances", beams.distances, count), count
-        inputs.start, inputs.step, _ = beams.laser
-        inputs.laser_x, inputs.laser_y = laser
-        inputs.range, inputs.all_speak, inputs.has_scan = scan.range_max, beams.all_speak, True
 
     def _why(self, cause: int) -> str:
         side, met = _SIDES[self._memory.side], self._memory.met
