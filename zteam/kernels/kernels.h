@@ -193,8 +193,7 @@ typedef struct {
     const laser_scan *seen;      /* NULL: no new one */
     double range, laser_x, laser_y;
     const double *odom;    /* (6): pose in `odom` and velocity */
-    const double *poses;   /* (rows, 3): of robots in `map`, NaN where not known */
-    const int64_t *stamps; /* (rows), ns */
+    const double *poses;   /* (rows, 4): of robots in `map`, NaN where not known, and their stamps in ns */
     int64_t own_row, now;
     double dt;             /* seconds since the last step; 0: it is the first, or there was a pause */
     uint8_t is_old, lacks; /* whether there is no usable scan, and whether a stop is due to data that is lacking */
@@ -214,7 +213,7 @@ double meet(const base_limits *base, const double *motion, double seconds, doubl
             int64_t count);
 
 /* view.c */
-/* Tell poses (count, 3) in the frame of one of them. */
+/* Tell poses (count, 4: x, y, yaw and a time) in the frame of one of them, (count, 3). */
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
 /* Make distances of the ranges of a scan, as zteam.messages.laser says; return how many beams say nothing. */
 int64_t read_ranges(double *ranges, int64_t count, double least, double most, double *nearest);

@@ -330,11 +330,11 @@ static double admissible(const safety_memory *m, velocity v, double gap, double 
 
 static void look_at_mates(safety_memory *m, const safety_inputs *in)
 {
-    const double *here = in->own_row < 0 ? NULL : in->poses + 3 * in->own_row;
+    const double *here = in->own_row < 0 ? NULL : in->poses + 4 * in->own_row;
     int is_here = here && is_finite(here[0] + here[1] + here[2]);
     for (teammate *t = m->mates; t < m->mates + m->mate_count; t++) {
-        const double *pose = in->poses + 3 * t->row;
-        int64_t stamp = in->stamps[t->row], ahead = stamp ? stamp - in->now : 0;
+        const double *pose = in->poses + 4 * t->row;
+        int64_t stamp = (int64_t)pose[3], ahead = stamp ? stamp - in->now : 0;
         double seconds = 1e-9 * (double)(stamp - t->stamp), age = -1e-9 * (double)ahead;
         int goes_on = t->is_known && seconds >= 0.0 && stamp;
         t->is_known = is_finite(pose[0] + pose[1] + pose[2]) && age <= FORGET_AFTER && is_here;

@@ -4,13 +4,14 @@
 
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen)
 {
-    double cosine, sine, x = poses[3 * own], y = poses[3 * own + 1], yaw = poses[3 * own + 2];
-    cosine_sine(yaw, &cosine, &sine);
-    for (int64_t i = 0; i < 3 * count; i += 3) {
-        double dx = poses[i] - x, dy = poses[i + 1] - y, turn = poses[i + 2] - yaw;
-        seen[i] = cosine * dx + sine * dy;
-        seen[i + 1] = cosine * dy - sine * dx;
-        seen[i + 2] = turn - TAU * rint(turn / TAU);
+    const double *here = poses + 4 * own;
+    double cosine, sine;
+    cosine_sine(here[2], &cosine, &sine);
+    for (const double *pose = poses; pose < poses + 4 * count; pose += 4) {
+        double dx = pose[0] - here[0], dy = pose[1] - here[1], turn = pose[2] - here[2];
+        *seen++ = cosine * dx + sine * dy;
+        *seen++ = cosine * dy - sine * dx;
+        *seen++ = turn - TAU * rint(turn / TAU);
     }
 }
 

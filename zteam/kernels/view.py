@@ -9,12 +9,12 @@ from zteam.kernels.binding import Floats, empty, ffi, lib, memory
 
 
 def see_poses(poses: Floats, own: int) -> list[tuple[float, float, float]]:
-    """Poses (n, 3; m, m, rad) of one frame in the frame at one of them."""
+    """Poses (n, 4; m, m, rad and a time) of one frame in the frame at one of them."""
     count = len(poses)
     if not 0 <= own < count:
         raise ValueError(f"own: {own} is no row of {count}")
     seen, made = empty(np.float64, count, 3)
-    lib.see_poses(memory("poses", poses, count, 3), count, own, made)
+    lib.see_poses(memory("poses", poses, count, 4), count, own, made)
     return seen.tolist()
 
 
@@ -26,16 +26,28 @@ def read_ranges(distances: Floats, least: float, most: float) -> tuple[float, in
     return nearest[0], silent
 
 
-def scan_of(angles: Floats, axes: Floats, distances: Floats, start: float, step: float, silent: int) -> Any:
-    """A scan for C: bearings (n, rad), their cosines and sines (2, n), and distances (n, m; NaN: it says nothing), all of
-    which have to outlive it; first angle and increment (rad); how many beams say nothing."""
-    beams = distances.size
-    arrays = memory("angles", angles, beams), memory("axes", axes, 2, beams), memory("distances", distances, beams)
-    return ffi.new("laser_scan *", (*arrays, beams, silent, start, step))
+class Directions:
+    """The beams of a laser: what is the same in all of its scans."""
+
+    def __init__(self, start: float, step: float, count: int) -> None:
+        """First angle and increment (rad), and how many beams there are."""
+        self.laser = start, step, count
+        self.angles: Floats = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
+        """(n) bearings in [-pi, pi)."""
+        self.axes: Floats = np.array((np.cos(self.angles), np.sin(self.angles)))
+        """(2, n): their cosines and sines."""
+        self._arrays = memory("angles", self.angles, count), memory("axes", self.axes, 2, count)
+
+    def scan(self, distances: Floats, silent: int) -> Any:
+        """A scan for C: `distances` (n, m; NaN: the beam says nothing), and how many of them say nothing. This object
+        and the distances have to outlive it."""
+        start, step, count = self.laser
+        seen = memory("distances", distances, count)
+        return ffi.new("laser_scan *", (*self._arrays, seen, count, silent, start, step))
 
 
 def look_along(scan: Any, half_width: float, heading: float) -> float:
-    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), else inf."""
+    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), or inf."""
     return float(lib.look_along(scan, half_width, heading, -math.inf))
 
 

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 FindPose = Callable[..., tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame, time=0)`: target_from_source at a time (ns), or the newest with 0, and its
 stamp (ns; 0 where nothing between the two frames moves), or None where the look-up failed."""
-_NOWHERE = math.nan, math.nan, math.nan
+_NOWHERE = math.nan, math.nan, math.nan, 0.0
 
 
 class Teammate(NamedTuple):
@@ -53,15 +53,12 @@ class TeamPoses(NamedTuple):
     found: Sequence[tuple[Pose2, int] | None]
     """By row, the pose and its stamp (ns; 0: nothing on the way to it ever moves); None where it is not known."""
     poses: Floats
-    """(rows, 3): m, m, rad; NaN where it is not known."""
-    stamps: NDArray[np.int64]
-    """(rows), ns."""
+    """(rows, 4): the same; m, m, rad, ns; NaN and 0 where it is not known."""
 
     @classmethod
     def of(cls, rows: Mapping[int, int], found: Sequence[tuple[Pose2, int] | None]) -> "TeamPoses":
         """What was found of these robots, by row."""
-        poses = np.array([each[0] if each else _NOWHERE for each in found]).reshape(-1, 3)
-        return cls(rows, found, poses, np.array([each[1] if each else 0 for each in found], np.int64))
+        return cls(rows, found, np.array([(*each[0], each[1]) if each else _NOWHERE for each in found]))
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -189,8 +186,6 @@ class Cone(msgspec.Struct, frozen=True):
 class Beams(NamedTuple):
     """A scan read once."""
 
-    laser: tuple[float, float, int]
-    """First angle, increment and number of beams."""
     angles: Floats
     """Of the beams, in [-pi, pi)."""
     axes: Floats
@@ -202,6 +197,8 @@ class Beams(NamedTuple):
     """No hit is nearer (metres)."""
     scan: Any
     """All that for C."""
+    directions: kernels.Directions
+    """What that points to."""
 
     def find_hits(self, bound: float) -> Floats:
         """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""
@@ -209,21 +206,17 @@ class Beams(NamedTuple):
         return self.axes.take(at, axis=1) * self.distances.take(at)
 
 
-@lru_cache(maxsize=64)
-def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats]:
-    """The angles and the axes of beams: the same in every scan of a laser."""
-    angles = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
-    return angles, np.array((np.cos(angles), np.sin(angles)))
+_directions = lru_cache(maxsize=64)(kernels.Directions)
+"""The same in every scan of a laser."""
 
 
 def _read(scan: LaserScan) -> Beams | None:
     ranges, nearest, silent = read_ranges(scan.ranges, scan.range_min, scan.range_max)
-    laser = start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
+    start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
     if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
         return None
-    distances = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING)
-    angles, axes = _directions(*laser)
-    return Beams(laser, angles, axes, ranges, distances, nearest, kernels.scan_of(angles, axes, distances, start, step, silent))
+    distances, beams = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING), _directions(start, step, count)
+    return Beams(beams.angles, beams.axes, ranges, distances, nearest, beams.scan(distances, silent), beams)
 
 
 _newest: tuple[LaserScan | None, object, Beams | None] = None, None, None
