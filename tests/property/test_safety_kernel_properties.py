@@ -15,6 +15,7 @@ from zteam import names
 from zteam.behaviors import SafetyLayer
 from zteam.geometry import Point2, Pose2, Velocity, normalize_angle
 from zteam.kernels import escape, view
+from zteam.kernels.binding import ffi
 from zteam.messages import Header, LaserScan, Twist, Vector3, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.safety.motion import limits_of
@@ -27,7 +28,8 @@ NEAR = 1e-9
 @given(arrays(np.float64, (4, 4), elements=st.floats(-9.0, 9.0)), st.integers(0, 3))
 def test_poses_in_the_frame_of_one_of_them(poses: Floats, own: int) -> None:
     """As Pose2 says, with yaws between -pi and pi."""
-    for found, pose in zip(view.see_poses(poses, own), poses.tolist(), strict=True):
+    seen = np.reshape(view.see_poses(ffi.new("double[]", poses.ravel().tolist()), own), (-1, 3))
+    for found, pose in zip(seen.tolist(), poses.tolist(), strict=True):
         expected = Pose2(*poses[own, :3].tolist()).inverse().compose(Pose2(*pose[:3]))
         assert math.isclose(found[0], expected.x, abs_tol=1e-13)
         assert math.isclose(found[1], expected.y, abs_tol=1e-13)
@@ -108,7 +110,7 @@ def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: l
     assert not math.isnan(limits_of(DEFAULT_BASE).meeting_time(Velocity(*n[:3]), n[3], known[:2], n[4]))
     assert not math.isnan(view.look_along(seen, n[0], n[1]))
     assert view.first_clear(seen, n[0], n[1], np.array(n)) < len(n)
-    assert len(view.see_poses(np.resize(known, (4, 4)), 1)) == 4
+    assert len(view.see_poses(ffi.new("double[]", 2 * [*n[:8]]), 3)) == 12
     nearest, silent = view.read_ranges(distances, n[0], n[1])
     assert nearest >= 0.0
     assert silent == np.isnan(distances).sum()
@@ -168,8 +170,7 @@ def test_a_scan_of_any_size(beams: int) -> None:
     ("call", "name"),
     [
         (lambda a: limits_of(DEFAULT_BASE).meeting_time(Velocity(), 1.0, a[:1]), "points"),
-        (lambda a: view.see_poses(a.T, 0), "poses"),
-        (lambda a: view.see_poses(a, 3), "own"),
+        (lambda _: view.see_poses(ffi.new("double[8]"), 2), "own"),
         (lambda a: view.Directions(0.0, 0.1, 3).scan(a, 0), "distances"),
         (lambda a: view.first_clear(view.Directions(0.0, 0.1, 4).scan(a[0], 0), 0.1, 1.0, a), "headings"),
         (lambda a: escape.find_moves(a, 0.3, (), 0, (), (), (), a, 0.05, [0.0] * 3), "headings"),
@@ -188,5 +189,5 @@ def test_what_does_not_fit_is_refused(call: Any, name: str) -> None:
 @pytest.mark.parametrize("kind", ["float32", "int16", "float16", ">f8", "object"])
 def test_arrays_of_another_type_are_refused(kind: str) -> None:
     """Also of types that the kernels lack altogether, and with bytes in another order."""
-    with pytest.raises((TypeError, ValueError), match=r"^poses: |'double \*'"):
-        view.see_poses(np.ones((4, 4), kind), 0)
+    with pytest.raises((TypeError, ValueError), match=r"^ranges: |'double \*'"):
+        view.read_ranges(np.ones(3, kind), 0.0, 30.0)

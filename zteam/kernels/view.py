@@ -8,14 +8,15 @@ import numpy as np
 from zteam.kernels.binding import Floats, empty, ffi, lib, memory
 
 
-def see_poses(poses: Floats, own: int) -> list[tuple[float, float, float]]:
-    """Poses (n, 4; m, m, rad and a time) of one frame in the frame at one of them."""
-    count = len(poses)
+def see_poses(poses: Any, own: int) -> list[float]:
+    """Poses (n rows of four doubles of C: m, m, rad, and a time) of one frame in the frame at one of them: n times x, y
+    (m) and yaw (rad)."""
+    count = len(poses) // 4
     if not 0 <= own < count:
         raise ValueError(f"own: {own} is no row of {count}")
-    seen, made = empty(np.float64, count, 3)
-    lib.see_poses(memory("poses", poses, count, 4), count, own, made)
-    return seen.tolist()
+    seen = ffi.new("double[]", 3 * count)
+    lib.see_poses(poses, count, own, seen)
+    return list(seen)
 
 
 def read_ranges(distances: Floats, least: float, most: float) -> tuple[float, int]:

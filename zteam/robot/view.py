@@ -16,6 +16,7 @@ from zteam import names
 from zteam.counter_random import uniform
 from zteam.geometry import Point2, Pose2
 from zteam.kernels import view as kernels
+from zteam.kernels.binding import ffi
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.laser import read_ranges
@@ -52,13 +53,14 @@ class TeamPoses(NamedTuple):
     """The row of each robot, by its id."""
     found: Sequence[tuple[Pose2, int] | None]
     """By row, the pose and its stamp (ns; 0: nothing on the way to it ever moves); None where it is not known."""
-    poses: Floats
-    """(rows, 4): the same; m, m, rad, ns; NaN and 0 where it is not known."""
+    poses: Any
+    """(rows, 4), for C: the same; m, m, rad, ns; NaN and 0 where it is not known."""
 
     @classmethod
     def of(cls, rows: Mapping[int, int], found: Sequence[tuple[Pose2, int] | None]) -> "TeamPoses":
         """What was found of these robots, by row."""
-        return cls(rows, found, np.array([(*each[0], each[1]) if each else _NOWHERE for each in found]))
+        flat = [number for each in found for number in ((*each[0], each[1]) if each else _NOWHERE)]
+        return cls(rows, found, ffi.new("double[]", flat))
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -105,8 +107,8 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
 
     @cached_property
-    def _seen(self) -> list[tuple[float, float, float]]:
-        """By row of `poses`, in the own base frame; NaN where not known."""
+    def _seen(self) -> list[float]:
+        """Of each row of `poses` x, y and yaw in the own base frame; NaN where not known."""
         return kernels.see_poses(self.poses.poses, self.poses.rows[self.robot_id])
 
     @cached_property
@@ -141,8 +143,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         row = self.poses.rows.get(robot_id)
         if row is None:
             return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        found, seen = self.poses.found[row], self._seen[row]
-        return None if found is None or self.map_from_base() is None else (Pose2(*seen), found[1])
+        found = self.poses.found[row]
+        if found is None or self.map_from_base() is None:
+            return None
+        return Pose2(*self._seen[3 * row : 3 * row + 3]), found[1]
 
     def random(self, draw: int = 0) -> float:
         """A number in [0, 1): the same for the same seed, robot, time and `draw`, whatever else was drawn."""

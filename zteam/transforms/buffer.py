@@ -139,9 +139,10 @@ class Buffer:
             for source_frame in source_frames:
                 try:
                     stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, 0)
-                    found.append((Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp))
                 except errors.TransformException:
                     found.append(None)
+                else:
+                    found.append((Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp))
         return found
 
     def lookup_transform_full(

@@ -87,8 +87,7 @@ class SafetyLayer:
             self._make_room(0 if self._beams is None else self._beams.distances.size)
             inputs.seen = _NO_BEAMS if self._beams is None else self._beams.scan
             inputs.range, (inputs.laser_x, inputs.laser_y) = view.scan.range_max, view.laser
-        inputs.poses = memory("poses", poses.poses, len(poses.rows), 4)
-        inputs.own_row, inputs.now, inputs.dt = poses.rows.get(view.robot_id, -1), view.now, view.dt
+        inputs.poses, inputs.own_row, inputs.now, inputs.dt = poses.poses, poses.rows.get(view.robot_id, -1), view.now, view.dt
         inputs.is_old, inputs.lacks = bool(trouble), bool(reason)
         cause = lib.limit(self._memory, inputs, (wanted.linear.x, wanted.linear.y, wanted.angular.z))
         return twist_of(*self._memory.command), trouble or (self._why(cause) if cause else "")
