@@ -111,7 +111,8 @@ def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: l
     assert not math.isnan(view.look_along(seen, n[0], n[1]))
     assert view.first_clear(seen, n[0], n[1], np.array(n)) < len(n)
     assert len(view.see_poses(ffi.new("double[]", 2 * [*n[:8]]), 3)) == 12
-    nearest, silent = view.read_ranges(distances, n[0], n[1])
+    with np.errstate(all="ignore"):
+        distances, nearest, silent = view.read_ranges(distances.astype(np.float32), n[0], n[1])
     assert nearest >= 0.0
     assert silent == np.isnan(distances).sum()
 
@@ -186,8 +187,8 @@ def test_what_does_not_fit_is_refused(call: Any, name: str) -> None:
         call(np.ones((3, 4)))
 
 
-@pytest.mark.parametrize("kind", ["float32", "int16", "float16", ">f8", "object"])
+@pytest.mark.parametrize("kind", ["float64", "int16", "float16", ">f4", "object"])
 def test_arrays_of_another_type_are_refused(kind: str) -> None:
     """Also of types that the kernels lack altogether, and with bytes in another order."""
-    with pytest.raises((TypeError, ValueError), match=r"^ranges: |'double \*'"):
+    with pytest.raises((TypeError, ValueError), match=r"^ranges: |'float \*'"):
         view.read_ranges(np.ones(3, kind), 0.0, 30.0)

@@ -15,9 +15,10 @@ void see_poses(const double *poses, int64_t count, int64_t own, double *seen)
     }
 }
 
-int64_t read_ranges(double *ranges, int64_t count, double least, double most, double *nearest)
+int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double *distances, double *nearest)
 {
-    const double low = least <= 0.0 ? 5e-324 : least * (1.0 - 1e-6), high = most * (1.0 + 1e-6), free = most * (1.0 - 1e-6);
+    const double low = least <= 0.0 ? 5e-324 : least * (1.0 - 1e-6), high = most * (1.0 + 1e-6);
+    const double free = most * (1.0 - 1e-6);
     int64_t silent = 0;
     double found = INFINITY;
     for (int64_t i = 0; i < count; i++) {
@@ -25,11 +26,11 @@ int64_t read_ranges(double *ranges, int64_t count, double least, double most, do
         int says = ((range >= low) & (range <= high)) | (fabs(range) == INFINITY);
         range = says ? range : NAN;
         range = range >= free ? INFINITY : range;
-        ranges[i] = range < 0.0 ? 0.0 : range;
+        distances[i] = range < 0.0 ? 0.0 : range;
     }
     for (int64_t i = 0; i < count; i++) {
-        silent += ranges[i] != ranges[i];
-        found = ranges[i] < found ? ranges[i] : found;
+        silent += distances[i] != distances[i];
+        found = distances[i] < found ? distances[i] : found;
     }
     *nearest = found;
     return silent;

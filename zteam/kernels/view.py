@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zteam.kernels.binding import Floats, empty, ffi, lib, memory
 
@@ -19,12 +20,13 @@ def see_poses(poses: Any, own: int) -> list[float]:
     return list(seen)
 
 
-def read_ranges(distances: Floats, least: float, most: float) -> tuple[float, int]:
-    """Make distances of the ranges (n) of a scan with these limits, in place; the nearest (m), and how many beams say
-    nothing. `zteam.messages.laser` has the rule."""
-    nearest, count = ffi.new("double *"), distances.size
-    silent = lib.read_ranges(memory("ranges", distances, count, out=True), count, least, most, nearest)
-    return nearest[0], silent
+def read_ranges(ranges: NDArray[np.float32], least: float, most: float) -> tuple[Floats, float, int]:
+    """Distances of the ranges (n) of a scan with these limits, as `zteam.messages.laser` says; the nearest; and how many
+    beams say nothing. All in metres."""
+    count, nearest = ranges.size, ffi.new("double *")
+    distances, made = empty(np.float64, count)
+    silent = lib.read_ranges(memory("ranges", ranges, count), count, least, most, made, nearest)
+    return distances, nearest[0], silent
 
 
 class Directions:

@@ -97,11 +97,13 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     team_poses: TeamPoses | None = None
     """Those of this robot and of all of `team` and `bases`, which are looked up once for all who ask."""
 
-    @cached_property
+    @property
     def poses(self) -> TeamPoses:
         """`team_poses`, looked up where there are none."""
-        if self.team_poses is not None:
-            return self.team_poses
+        return self.team_poses or self._looked_up
+
+    @cached_property
+    def _looked_up(self) -> TeamPoses:
         robots = sorted({self.robot_id, *self.team, *self.bases})
         found = [self.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in robots]
         return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
