@@ -69,7 +69,8 @@ def build_parser() -> Parser:
     seconds = (1e-3, MAX_SECONDS, "simulated seconds")
     for sub, robots, duration in ((sim, 20, 20.0), (team, 4, 60.0)):
         add_option(sub, "--robots", typed=(1, 10_000, "robots"), default=robots, metavar="N", help="number of robots")
-        add_option(sub, "--beams", typed=(2, 100_000, "beams"), default=1081, metavar="N", help="beams of a laser")
+        least, text = (0, "beams of a laser (0: no laser)") if sub is sim else (2, "beams of a laser")
+        add_option(sub, "--beams", typed=(least, 100_000, "beams"), default=1081, metavar="N", help=text)
         add_option(sub, "--seconds", typed=seconds, default=duration, metavar="N", help="simulated seconds")
         add_json(sub)
         add_log_options(sub, "warning")
@@ -77,6 +78,8 @@ def build_parser() -> Parser:
     add_option(sim, "--fov-deg", typed=degrees, default=270.0, metavar="N", help="field of view of the lasers, degrees")
     add_option(sim, "--range", typed=metres, default=30.0, metavar="N", help="maximum range of the lasers, metres")
     sim.add_argument("--physics", choices=PHYSICS, help="contacts (default: what the world says, else dynamic)")
+    share, text = (0.0, 1.0, "share of the robots"), "share of the robots that drive; the others stand"
+    add_option(sim, "--driving", typed=share, default=1.0, metavar="SHARE", help=text)
     text = "run in real time; measure latency, lateness, CPU and memory"
     how = team.add_mutually_exclusive_group()
     how.add_argument("--realtime", action="store_true", help=text)
@@ -93,9 +96,9 @@ def _bench(args: argparse.Namespace) -> None:
 
 
 def _measure_core(args: argparse.Namespace) -> Figures:
-    laser = make_laser(args.beams, args.fov_deg, args.range)
-    options = Options(physics=args.physics)
-    return measure_simulation(load_world(find_world(args.world)), args.robots, laser, args.seconds, options)
+    laser = make_laser(args.beams, args.fov_deg, args.range) if args.beams else None
+    world, options = load_world(find_world(args.world)), Options(physics=args.physics)
+    return measure_simulation(world, args.robots, laser, args.seconds, options, args.driving)
 
 
 def _measure_team(args: argparse.Namespace) -> Figures:
@@ -259,15 +262,20 @@ def make_laser(beams: int, fov_deg: float, range_max: float) -> Ranger:
     return Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
 
 
-def measure_simulation(world: World, robots: int, laser: Ranger, seconds: float, options: Options) -> Figures:
-    """Run `robots` robots with this laser for `seconds` simulated seconds.
+def measure_simulation(
+    world: World, robots: int, laser: Ranger | None, seconds: float, options: Options, driving: float = 1.0
+) -> Figures:
+    """Run `robots` robots with this laser for `seconds` simulated seconds; a share of `driving` of them drives.
 
     Figures are per CPU second of this process, which other load affects little.
     """
     from zteam.simulator.core import Engine
 
     placed = place_robots(world, robots, _SEED)
-    team = {i: msgspec.structs.replace(robot, rangers=(laser,)) for i, robot in placed.items()}
+    rangers, beams = ((laser,), laser.samples) if laser else ((), 0)
+    team = {i: msgspec.structs.replace(robot, rangers=rangers) for i, robot in placed.items()}
+    # Robots stand between those that drive, not beside them.
+    drivers = [i for i in team if int((i + 1) * driving) > int(i * driving)]
     engine = Engine(world, seed=_SEED, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
@@ -275,18 +283,21 @@ def measure_simulation(world: World, robots: int, laser: Ranger, seconds: float,
     commands: dict[int, Twist] = {}
     for tick in range(ticks):
         if tick % _TURN_TICKS == 0:
-            turns = {i: 2.0 * uniform(_SEED, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
+            turns = {i: 2.0 * uniform(_SEED, i, tick // _TURN_TICKS, 0) - 1.0 for i in drivers}
             commands = {i: Twist(Vector3(0.4), Vector3(0.0, 0.0, turn)) for i, turn in turns.items()}
         engine.step(commands)
     spent = max(process_time() - begin, 1e-9)
     simulated = ticks * world.interval / 1e9
     return {
         "robots": robots,
-        "beams": laser.samples,
+        "driving": len(drivers),
+        "beams": beams,
+        "physics": options.physics or world.physics,
+        "tick_ms": world.interval / 1e6,
         "seconds": simulated,
         # Simulated seconds per CPU second.
         "rtf": simulated / spent,
-        "rays_per_s": ticks * robots * laser.samples / spent,
+        "rays_per_s": ticks * robots * beams / spent,
         "step_ms": 1e3 * spent / ticks,
         # Peak resident memory of the process, 10⁶ bytes.
         "rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
