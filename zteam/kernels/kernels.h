@@ -63,6 +63,22 @@ typedef struct {
     double *angles, *rates;      /* (wheels): rad, rad/s */
 } bases;
 
+/* Bodies of Chipmunk, robots first, and its functions of one body. */
+typedef struct {
+    double x, y;
+} vector;
+typedef struct {
+    int64_t count, robots;
+    void *const *bodies;          /* (count) */
+    const double *mass;           /* (robots), kg */
+    uint8_t *touching;            /* (robots): whether it touched something lately */
+    vector (*get_position)(const void *), (*get_velocity)(const void *);
+    double (*get_angle)(const void *);
+    void (*set_velocity)(void *, vector), (*set_force)(void *, vector);
+    void (*set_angular_velocity)(void *, double);
+    void (*each_arbiter)(void *, void (*)(void *, void *, void *), void *);
+} chipmunk;
+
 /* squares.c: rays against a bitmap */
 int has_avx2(void);
 void fill_squares(const uint8_t *free_cells, int64_t rows, int64_t columns, uint8_t *out);
@@ -86,6 +102,11 @@ void follow(int64_t robots, const double *poses, const double *velocity, double 
 void note_motion(bases *b, const double *before, const double *after, double seconds, int tangents);
 int place_mounts(
     int64_t count, const int64_t *owner, const double *mounts, int64_t robots, const double *poses, double *rays);
+
+/* chipmunk.c: bodies of Chipmunk */
+void drive_bodies(const chipmunk *c, const double *targets, double seconds, int is_first);
+void read_bodies(const chipmunk *c, double *poses);
+void find_touching(const chipmunk *c);
 
 /* costmaps.c: grids of costs */
 void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach, uint8_t *steps,

@@ -1,4 +1,4 @@
-"""The kernels of the simulator (squares.c, edges.c, bodies.c, bases.c), as `binding.py` says."""
+"""The kernels of the simulator (squares.c, edges.c, bodies.c, bases.c, chipmunk.c), as `binding.py` says."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -282,3 +282,43 @@ class Bases:
         count = self._robots
         given = memory("before", before, count, 3), memory("after", after, count, 3)
         lib.note_motion(self._data, *given, seconds, tangents)
+
+
+CHIPMUNK = (
+    "get_position", "get_velocity", "get_angle", "set_velocity", "set_force", "set_angular_velocity", "each_arbiter",
+)  # fmt: skip
+"""Chipmunk's functions of a body that kernels call: `get_position` is its cpBodyGetPosition."""
+
+
+class ChipmunkBodies:
+    """Bodies of Chipmunk, robots first."""
+
+    def __init__(self, functions: Sequence[int], bodies: Sequence[int], mass: Floats) -> None:
+        """Addresses of the functions `CHIPMUNK`, and of the bodies, which have to outlive this. `mass` (robots) is in
+        kg."""
+        if len(mass) > len(bodies):
+            raise ValueError(f"mass: {len(mass)} are too many for {len(bodies)} bodies")
+        self._count, self._robots = len(bodies), len(mass)
+        self.touching = np.zeros(self._robots, bool)
+        """(robots): whether it touches something; the caller adds those whose contact begins."""
+        self._kept = {
+            **{name: ffi.cast("void *", there) for name, there in zip(CHIPMUNK, functions, strict=True)},
+            **_memories(self._robots, mass=mass, touching=self.touching),
+            "bodies": ffi.new("void *[]", [ffi.cast("void *", body) for body in bodies]),
+        }
+        self._data = ffi.new("chipmunk *", {"count": self._count, "robots": self._robots, **self._kept})
+
+    def drive(self, targets: Floats, seconds: float, *, is_first: bool) -> None:
+        """Set velocities to `targets` (robots, 3; m/s, m/s, rad/s in `map`), at the first step of a tick alone. What
+        touches something gets a force instead, in each step of `seconds`."""
+        lib.drive_bodies(self._data, memory("targets", targets, self._robots, 3), seconds, is_first)
+
+    def poses(self) -> Floats:
+        """(bodies, 3): x, y, yaw in `map`."""
+        poses, made = empty(np.float64, self._count, 3)
+        lib.read_bodies(self._data, made)
+        return poses
+
+    def find_touching(self) -> None:
+        """Drop from `touching` what no longer touches anything."""
+        lib.find_touching(self._data)

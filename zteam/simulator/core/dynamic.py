@@ -19,10 +19,11 @@ import pymunk
 import pymunk.autogeometry
 from msgspec.structs import replace
 from numpy.typing import NDArray
+from pymunk import _chipmunk_cffi
 
 from zteam.errors import UsageError
 from zteam.geometry import Point2, Pose2
-from zteam.kernels.simulator import Floats, find_overlaps, follow, hold
+from zteam.kernels.simulator import CHIPMUNK, ChipmunkBodies, Floats, find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,
@@ -63,11 +64,16 @@ _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
 
-# Properties called as functions: Body's own __setattr__ costs more than all that they do.
-_body: Any = pymunk.Body
-_set_velocity, _get_velocity = _body.velocity.fset, _body.velocity.fget
-_set_angular_velocity, _set_force = _body.angular_velocity.fset, _body.force.fset
-_get_position, _get_angle = _body.position.fget, _body.angle.fget
+def _address(pointer: Any) -> int:
+    return int(_chipmunk_cffi.ffi.cast("uintptr_t", pointer))
+
+
+def _bind(bodies: Sequence[pymunk.Body], robots: Sequence[Robot]) -> ChipmunkBodies:
+    """The bodies, for kernels. pymunk has no other way to Chipmunk's own functions and pointers."""
+    names = (f"cpBody{name.title().replace('_', '')}" for name in CHIPMUNK)
+    functions = [_address(_chipmunk_cffi.ffi.addressof(_chipmunk_cffi.lib, name)) for name in names]
+    mass = np.array([robot.mass for robot in robots], float)
+    return ChipmunkBodies(functions, [_address(body._body) for body in bodies], mass)
 
 
 class _Builder:
@@ -171,7 +177,8 @@ class DynamicBodies:
         self._robots, self._pushed = self._bodies[: len(robots)], self._bodies[len(robots) :]
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
         self.stalled, self.met = np.zeros((2, len(robots)), bool)
-        self._touching = [False] * len(robots)
+        self._moved = _bind(self._bodies, robots)
+        self._touching = self._moved.touching
         self._cores = Cores(solid, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
@@ -197,37 +204,24 @@ class DynamicBodies:
         if length > self._stride * steps:
             way *= self._stride * steps / length
         in_wall = self._cores.in_wall[:count]
-        targets = np.where(in_wall[:, None], 0.0, way / seconds).tolist()
+        targets = np.where(in_wall[:, None], 0.0, way / seconds)
         dt = seconds / steps
         self._held[:] = False
         for step in range(1, steps + 1):
             if self._pushed or step == 1:
-                self._drive(targets, dt, step == 1)
+                self._moved.drive(targets, dt, is_first=step == 1)
             for body in self._pushed:
                 _slide(body, dt)
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
         barred = self._held[:count] | in_wall
-        self.met = np.array(self._touching, bool) | barred
-        self._touching = [hit and _touches(body) for hit, body in zip(self._touching, self._robots, strict=True)]
+        self.met = self._touching | barred
+        self._moved.find_touching()
         told = np.hypot(way[:, 0], way[:, 1])
         moved = np.hypot(*(self.poses[:count] - before)[:, :2].T)
-        stopped = np.array(self._touching, bool) | barred
+        stopped = self._touching | barred
         self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
-
-    def _drive(self, targets: Sequence[Sequence[float]], dt: float, is_first: bool) -> None:
-        """Velocities are set once a tick; robots that touch something press on throughout it."""
-        for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
-            if is_first:
-                _set_angular_velocity(body, w)
-            if touching:
-                # The velocity by the end of the next step, unless a contact objects.
-                x, y = _get_velocity(body)
-                push = body.mass / dt
-                _set_force(body, (push * (vx - x), push * (vy - y)))
-            elif is_first:
-                _set_velocity(body, (vx, vy))
 
     def _hold(self, leaps: bool) -> None:
         """Take over the bodies' new poses (in a new array), within the limits of the cores.
@@ -235,11 +229,11 @@ class DynamicBodies:
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
         """
-        start, self.poses = self.poses, np.array([(*_get_position(body), _get_angle(body)) for body in self._bodies])
+        start, self.poses = self.poses, self._moved.poses()
         every = leaps or bool(self._pushed)
-        if not every and True not in self._touching:
+        if not every and not self._touching.any():
             return
-        suspects = np.ones(len(self._bodies), bool) if every else np.array(self._touching)
+        suspects = np.ones(len(self._bodies), bool) if every else self._touching
         shares = self._cores.hold(start, self.poses, suspects)
         cut = np.flatnonzero(shares < 1.0).tolist()
         self._held[cut] = True
@@ -286,13 +280,6 @@ def _moment(obstacle: Obstacle) -> float:
     shares = [(obstacle.mass or 1.0) * area / sum(areas) for area in areas]
     moments = [pymunk.moment_for_poly(mass, points) for mass, points in zip(shares, polygons, strict=True)]
     return float(sum(moments)) or 1.0
-
-
-def _touches(body: pymunk.Body) -> bool:
-    """Whether a body touches another. Chipmunk also reports the end of a contact while a space is taken down."""
-    found: list[pymunk.Arbiter] = []
-    body.each_arbiter(found.append)
-    return bool(found)
 
 
 def _slide(body: pymunk.Body, dt: float) -> None:
