@@ -69,9 +69,12 @@ typedef struct {
 } vector;
 typedef struct {
     int64_t count, robots;
-    void *const *bodies;          /* (count) */
-    const double *mass;           /* (robots), kg */
-    uint8_t *touching;            /* (robots): whether it touched something lately */
+    void *const *bodies;            /* (count) */
+    const double *mass;             /* (robots), kg */
+    const uint8_t *in_wall, *held;  /* (count): which nothing moves; whose way was cut short in this tick */
+    double *ways;                   /* (robots, 3): metres and radians in `map`, for this tick */
+    uint8_t *touching;              /* (robots): what touches something; the contacts that begin are added */
+    uint8_t *met, *stalled;         /* (robots): what something may have hindered; what made less than half its way */
     vector (*get_position)(const void *), (*get_velocity)(const void *);
     double (*get_angle)(const void *);
     void (*set_velocity)(void *, vector), (*set_force)(void *, vector);
@@ -104,9 +107,10 @@ int place_mounts(
     int64_t count, const int64_t *owner, const double *mounts, int64_t robots, const double *poses, double *rays);
 
 /* chipmunk.c: bodies of Chipmunk */
-void drive_bodies(const chipmunk *c, const double *targets, double seconds, int is_first);
+double plan_ways(const chipmunk *c, const double *poses, const double *velocity, double seconds);
+void drive_bodies(const chipmunk *c, double share, double seconds, double step, int is_first);
 void read_bodies(const chipmunk *c, double *poses);
-void find_touching(const chipmunk *c);
+void judge_ways(const chipmunk *c, const double *poses, const double *ends, double share, double least);
 
 /* costmaps.c: grids of costs */
 void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach, uint8_t *steps,

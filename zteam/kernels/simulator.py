@@ -293,25 +293,37 @@ CHIPMUNK = (
 class ChipmunkBodies:
     """Bodies of Chipmunk, robots first."""
 
-    def __init__(self, functions: Sequence[int], bodies: Sequence[int], mass: Floats) -> None:
-        """Addresses of the functions `CHIPMUNK`, and of the bodies, which have to outlive this. `mass` (robots) is in
-        kg."""
-        if len(mass) > len(bodies):
-            raise ValueError(f"mass: {len(mass)} are too many for {len(bodies)} bodies")
-        self._count, self._robots = len(bodies), len(mass)
-        self.touching = np.zeros(self._robots, bool)
-        """(robots): whether it touches something; the caller adds those whose contact begins."""
+    def __init__(
+        self, functions: Sequence[int], bodies: Sequence[int], mass: Floats, in_wall: NDArray[np.bool_],
+        held: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """Addresses of the functions `CHIPMUNK`, and of the bodies, which have to outlive this; the robots' masses in
+        kg; which bodies stand in a wall, and which were held in this tick."""
+        self._count, self._robots = count, robots = len(bodies), len(mass)
+        if robots > count:
+            raise ValueError(f"mass: {robots} are too many for {count} bodies")
+        self.touching, self.met, self.stalled = np.zeros((3, robots), bool)
+        """(robots): what touches something, to which the caller adds contacts that begin; what something may have
+        hindered in the last tick; what made less than half its way then."""
         self._kept = {
             **{name: ffi.cast("void *", there) for name, there in zip(CHIPMUNK, functions, strict=True)},
-            **_memories(self._robots, mass=mass, touching=self.touching),
+            **_memories(robots, mass=mass, touching=self.touching, met=self.met, stalled=self.stalled),
+            **_memories(count, in_wall=in_wall, held=held),
+            **_memories(robots, 3, ways=np.empty((robots, 3))),
             "bodies": ffi.new("void *[]", [ffi.cast("void *", body) for body in bodies]),
         }
-        self._data = ffi.new("chipmunk *", {"count": self._count, "robots": self._robots, **self._kept})
+        self._data = ffi.new("chipmunk *", {"count": count, "robots": robots, **self._kept})
 
-    def drive(self, targets: Floats, seconds: float, *, is_first: bool) -> None:
-        """Set velocities to `targets` (robots, 3; m/s, m/s, rad/s in `map`), at the first step of a tick alone. What
-        touches something gets a force instead, in each step of `seconds`."""
-        lib.drive_bodies(self._data, memory("targets", targets, self._robots, 3), seconds, is_first)
+    def plan(self, poses: Floats, velocity: Floats, seconds: float) -> float:
+        """Plan the ways of a tick from `poses` (bodies, 3) at constant body velocity (robots, 3); return the longest
+        along x or y in metres."""
+        given = memory("poses", poses, self._count, 3), memory("velocity", velocity, self._robots, 3)
+        return float(lib.plan_ways(self._data, *given, seconds))
+
+    def drive(self, share: float, seconds: float, step: float, *, is_first: bool) -> None:
+        """Set velocities that make this share of the ways in `seconds`, at the first step of a tick alone. What touches
+        something gets a force instead, in each step (seconds)."""
+        lib.drive_bodies(self._data, share, seconds, step, is_first)
 
     def poses(self) -> Floats:
         """(bodies, 3): x, y, yaw in `map`."""
@@ -319,6 +331,8 @@ class ChipmunkBodies:
         lib.read_bodies(self._data, made)
         return poses
 
-    def find_touching(self) -> None:
-        """Drop from `touching` what no longer touches anything."""
-        lib.find_touching(self._data)
+    def judge(self, poses: Floats, ends: Floats, share: float, least: float) -> None:
+        """Find what was met, touches something and stalled in a tick from `poses` to `ends` (bodies, 3); a way of
+        `least` metres or less is none."""
+        given = memory("poses", poses, self._count, 3), memory("ends", ends, self._count, 3)
+        lib.judge_ways(self._data, *given, share, least)

@@ -65,6 +65,8 @@ def test_the_core_is_measured() -> None:
     ticks = 1e9 / world.interval
     assert found["step_ms"] == pytest.approx(1e3 / found["rtf"] / ticks)
     assert found["rays_per_s"] == pytest.approx(ticks * 2 * 11 * found["rtf"])
+    found = measure_simulation(world, 3, None, 1.0, Options(physics="kinematic"), driving=0.4)
+    assert (found["driving"], found["beams"], found["physics"], found["rays_per_s"]) == (1, 0, "kinematic", 0.0)
     assert place_robots(world, 3, 1) == place_robots(world, 3, 1) != place_robots(world, 3, 2)
 
 

@@ -23,7 +23,7 @@ from pymunk import _chipmunk_cffi
 
 from zteam.errors import UsageError
 from zteam.geometry import Point2, Pose2
-from zteam.kernels.simulator import CHIPMUNK, ChipmunkBodies, Floats, find_overlaps, follow, hold
+from zteam.kernels.simulator import CHIPMUNK, ChipmunkBodies, Floats, find_overlaps, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,
@@ -52,8 +52,6 @@ _RIM = 0.01
 """Metres that a body may sink into another at most, where there is something to push."""
 _WIDE_RIM = 0.05
 """Likewise where nothing can be pushed: there the solver alone keeps robots out of walls but for rare leaps."""
-_BLOCKED = 0.5
-"""A robot stalls when it touches something and makes less than this share of the speed it was told."""
 _STILL = 1e-3
 """Speeds below this (m/s) are standing."""
 _GRIP = 0.5 * 9.81
@@ -68,12 +66,10 @@ def _address(pointer: Any) -> int:
     return int(_chipmunk_cffi.ffi.cast("uintptr_t", pointer))
 
 
-def _bind(bodies: Sequence[pymunk.Body], robots: Sequence[Robot]) -> ChipmunkBodies:
-    """The bodies, for kernels. pymunk has no other way to Chipmunk's own functions and pointers."""
+def _find_functions() -> list[int]:
+    """Addresses of Chipmunk's own functions: pymunk's properties cost far more than all that they do."""
     names = (f"cpBody{name.title().replace('_', '')}" for name in CHIPMUNK)
-    functions = [_address(_chipmunk_cffi.ffi.addressof(_chipmunk_cffi.lib, name)) for name in names]
-    mass = np.array([robot.mass for robot in robots], float)
-    return ChipmunkBodies(functions, [_address(body._body) for body in bodies], mass)
+    return [_address(_chipmunk_cffi.ffi.addressof(_chipmunk_cffi.lib, name)) for name in names]
 
 
 class _Builder:
@@ -176,14 +172,14 @@ class DynamicBodies:
         self._bodies = [builder.add_body(*mass, shapes.get(i, ()), pose) for i, (mass, pose) in movers]
         self._robots, self._pushed = self._bodies[: len(robots)], self._bodies[len(robots) :]
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
-        self.stalled, self.met = np.zeros((2, len(robots)), bool)
-        self._moved = _bind(self._bodies, robots)
-        self._touching = self._moved.touching
         self._cores = Cores(solid, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
         self._index = {body: i for i, body in enumerate(self._robots)}
         self._held, self._anchored = np.zeros((2, len(self._bodies)), bool)
+        mass, there = np.array([robot.mass for robot in robots], float), [_address(body._body) for body in self._bodies]
+        self._chipmunk = ChipmunkBodies(_find_functions(), there, mass, self._cores.in_wall, self._held)
+        self.stalled, self.met, self._touching = self._chipmunk.stalled, self._chipmunk.met, self._chipmunk.touching
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
 
@@ -196,32 +192,21 @@ class DynamicBodies:
     def step(self, seconds: float, velocity: Floats) -> None:
         if not self._bodies:
             return
-        count = len(self._robots)
-        before = self.poses[:count]
-        way = follow(before, velocity, seconds) - before
-        length = float(np.abs(way[:, :2]).max(initial=0.0))
+        before = self.poses
+        length = self._chipmunk.plan(before, velocity, seconds)
         steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
-        if length > self._stride * steps:
-            way *= self._stride * steps / length
-        in_wall = self._cores.in_wall[:count]
-        targets = np.where(in_wall[:, None], 0.0, way / seconds)
+        share = min(1.0, self._stride * steps / length) if length else 1.0
         dt = seconds / steps
         self._held[:] = False
         for step in range(1, steps + 1):
             if self._pushed or step == 1:
-                self._moved.drive(targets, dt, is_first=step == 1)
+                self._chipmunk.drive(share, seconds, dt, is_first=step == 1)
             for body in self._pushed:
                 _slide(body, dt)
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
-        barred = self._held[:count] | in_wall
-        self.met = self._touching | barred
-        self._moved.find_touching()
-        told = np.hypot(way[:, 0], way[:, 1])
-        moved = np.hypot(*(self.poses[:count] - before)[:, :2].T)
-        stopped = self._touching | barred
-        self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
+        self._chipmunk.judge(before, self.poses, share, _STILL * SUBSTEP)
 
     def _hold(self, leaps: bool) -> None:
         """Take over the bodies' new poses (in a new array), within the limits of the cores.
@@ -229,7 +214,7 @@ class DynamicBodies:
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
         """
-        start, self.poses = self.poses, self._moved.poses()
+        start, self.poses = self.poses, self._chipmunk.poses()
         every = leaps or bool(self._pushed)
         if not every and not self._touching.any():
             return

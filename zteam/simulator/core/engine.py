@@ -4,8 +4,8 @@
 sense at its end. The same world, seed and commands give the same bytes.
 """
 
-import math
 from collections.abc import Collection, Mapping, Sequence
+from math import isfinite
 from typing import NamedTuple
 
 import msgspec
@@ -23,7 +23,7 @@ from zteam.kernels.binding import Floats
 from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Detections, prepare_devices
-from zteam.simulator.core.lasers import Lasers, Reading
+from zteam.simulator.core.lasers import Lasers, Reading, Readings
 from zteam.simulator.core.motion import JOINTS, Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
@@ -40,39 +40,68 @@ class Joints(NamedTuple):
     velocities: tuple[float, ...]
 
 
-class RobotObservation(msgspec.Struct, frozen=True, eq=False):
+class Sensed(NamedTuple):
+    """What all robots sense at a tick's end, in the order of their ids."""
+
+    poses: Floats
+    """(movers, 3): x, y, yaw in `map`, not wrapped; so is that of the odometry."""
+    odom: Floats
+    """(robots, 3)"""
+    velocity: Floats
+    """(robots, 3)"""
+    stalled: NDArray[np.bool_]
+    """(robots)"""
+    readings: Readings | None
+    detections: Mapping[int, Detections]
+    angles: Floats
+    """(wheels): in radians; rates in rad/s."""
+    rates: Floats
+
+
+class RobotObservation(msgspec.Struct, frozen=True, eq=False, gc=False):
     """What one robot senses at a tick's end."""
 
     robot: Robot
-    velocity: tuple[float, float, float]
-    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
-    stall: bool
-    """Commanded to move, but blocked."""
-    _pose: Sequence[float]
-    """x, y, yaw in `map`, not wrapped; so is that of its odometry."""
-    _odom: Sequence[float]
-    readings: Sequence[Reading]
-    """Of its rangers, in file order, as all devices."""
-    detections: Detections
-    """What its other devices detect, by topic."""
-    _angles: Floats
-    """Of its wheels, as their rates."""
-    _rates: Floats
+    _all: Sensed
+    _index: int
+    _wheels: slice
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
+        vx, vy, yaw_rate = self._all.velocity[self._index].tolist()
+        return vx, vy, yaw_rate
+
+    @property
+    def stall(self) -> bool:
+        """Commanded to move, but blocked."""
+        return bool(self._all.stalled[self._index])
 
     @property
     def truth(self) -> Pose2:
         """In `map`."""
-        return pose_of(self._pose)
+        return pose_of(self._all.poses[self._index].tolist())
 
     @property
     def odom(self) -> Pose2:
         """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-        return pose_of(self._odom)
+        return pose_of(self._all.odom[self._index].tolist())
 
     @property
     def joints(self) -> Joints:
         wheels = tuple(name for name, _ in JOINTS[self.robot.drive])
-        return Joints(wheels, tuple(self._angles.tolist()), tuple(self._rates.tolist()))
+        angles, rates = self._all.angles[self._wheels], self._all.rates[self._wheels]
+        return Joints(wheels, tuple(angles.tolist()), tuple(rates.tolist()))
+
+    @property
+    def readings(self) -> Sequence[Reading]:
+        """Of its rangers, in file order, as all devices."""
+        return self._all.readings[self._index] if self._all.readings else ()
+
+    @property
+    def detections(self) -> Detections:
+        """What its other devices detect, by topic."""
+        return self._all.detections.get(self._index, {})
 
     @property
     def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
@@ -159,7 +188,8 @@ class RobotArrays:
     def move(self, now: int, tick: int, seconds: float, held: Collection[int]) -> None:
         """One tick, from `now` (ns) on; the wheels of the robots `held` (ids) aim for zero velocity."""
         fresh = now - self.commanded < WATCHDOG
-        fresh[[self.ids[robot_id] for robot_id in held]] = False
+        for robot_id in held:
+            fresh[self.ids[robot_id]] = False
         bases, count = self.bases, len(self.ids)
         bases.obey(self.commands, fresh, seconds)
         before = self.bodies.poses[:count].copy()
@@ -167,7 +197,7 @@ class RobotArrays:
         after = self.bodies.poses[:count]
         bases.note_motion(before, after, seconds, tangents=self._physics == "stage")
         self.odometry.advance(before, after, tick)
-        if self.bodies.met.any():
+        if np.count_nonzero(self.bodies.met):
             keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
 
     def observe(self, now: int, tick: int, *, bases_only: bool) -> Observation:
@@ -175,19 +205,15 @@ class RobotArrays:
         poses = self.bodies.poses
         if not bases_only:
             self._scene.visible.move(poses)
-        readings = None if bases_only else self._lasers.measure(poses, tick)
-        detections = {} if bases_only else self._sense(poses)
-        angles, rates = self.bases.angles.copy(), self.bases.rates.copy()
-        places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
-        velocity = self.bases.velocity.tolist()
+        sensed = Sensed(
+            poses.copy(), self.odometry.poses.copy(), self.bases.velocity.copy(), self.bodies.stalled.copy(),
+            None if bases_only else self._lasers.measure(poses, tick), {} if bases_only else self._sense(poses),
+            self.bases.angles.copy(), self.bases.rates.copy(),
+        )  # fmt: skip
         robots = {
-            robot_id: RobotObservation(
-                self._robots[i], tuple(velocity[i]), stalled[i], places[i], odom[i], readings[i] if readings else (),
-                detections.get(i, {}), angles[self._wheels[i]], rates[self._wheels[i]],
-            )
-            for robot_id, i in self.ids.items()
-        }  # fmt: skip
-        pushed = zip(self._pushed, places[len(self._robots) :], strict=True)
+            robot_id: RobotObservation(self._robots[i], sensed, i, self._wheels[i]) for robot_id, i in self.ids.items()
+        }
+        pushed = zip(self._pushed, poses[len(self._robots) :].tolist(), strict=True)
         return Observation(now, tick, robots, {thing.name: pose_of(pose) for thing, pose in pushed})
 
 
@@ -227,14 +253,15 @@ class Engine:
         Raises UsageError for a command to a robot that is not there, or one that is not finite.
         """
         arrays = self._assembled()
+        now = self.now
         for robot_id, twist in commands.items():
-            i = self._index(robot_id)
-            command = twist.linear.x, twist.linear.y, twist.angular.z
-            if not all(map(math.isfinite, command)):
+            self._check_there(robot_id)
+            x, y, yaw = command = twist.linear.x, twist.linear.y, twist.angular.z
+            if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
-            arrays.commands[i] = command
-            arrays.commanded[i] = self.now
-        arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S, held)
+            i = arrays.ids[robot_id]
+            arrays.commands[i], arrays.commanded[i] = command, now
+        arrays.move(now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 
     def observe(self, *, bases_only: bool = False) -> Observation:

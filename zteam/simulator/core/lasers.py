@@ -122,7 +122,7 @@ class Lasers:
     def measure(self, poses: Floats, tick: int) -> Readings:
         """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
         nothing = Reading(np.empty(0, np.float32), np.empty(0, np.float32))
-        found = [[nothing] * count for count in self._counts]
+        found = [[nothing] * count for count in self._counts] if self._batches else []
         for batch in self._batches:
             batch.fans.place(poses)
             reading = batch.measure(self._caster, self._intensity, self._options, tick)

@@ -107,6 +107,17 @@ def test_a_robot_in_a_wall_stalls_until_it_is_moved(physics: str, make: Any, x: 
     assert engine.truth(0).x == 0.5
 
 
+def test_a_robot_that_was_put_into_a_wall_while_it_pressed_loses_no_step_when_it_is_free() -> None:
+    """No force is left over from the wall, in which its mass is infinite."""
+    engine = _in_block(make_robot(-2.5, 0.0), "dynamic")
+    for x in (None, 0.0, 4.0):
+        if x is not None:
+            engine.place(0, Pose2(x, 0.0, 0.0))
+        for _ in range(5):
+            engine.move({0: drive(1.0)})
+    assert engine.truth(0).x == pytest.approx(4.5)
+
+
 def test_a_robot_smaller_than_its_way_does_not_leap_over_a_wall() -> None:
     """A robot of 4 cm at 5 m/s passes a wall of 2 cm in no step, though there is nothing to push."""
     wall = Obstacle("thin", Pose2(1.0, 0.0, 0.0), (Shape(rectangle(0.02, 4.0), 0.0, 1.0),))
