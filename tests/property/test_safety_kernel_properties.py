@@ -106,15 +106,13 @@ def test_what_is_remembered(script: list[tuple[Pose2, tuple[float, float, int], 
 def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: list[float]) -> None:
     """No number, infinity or magnitude leads out of an array: a time or a distance is no NaN."""
     with np.errstate(all="ignore"):
-        seen = view.Directions(n[5], n[6], 5).scan(distances, 0)
+        distances, nearest, seen = view.Directions(n[5], n[6], 5).read(distances.astype(np.float32), n[0], n[1], 0.0)
     assert not math.isnan(limits_of(DEFAULT_BASE).meeting_time(Velocity(*n[:3]), n[3], known[:2], n[4]))
     assert not math.isnan(view.look_along(seen, n[0], n[1]))
     assert view.first_clear(seen, n[0], n[1], np.array(n)) < len(n)
     assert len(view.see_poses(ffi.new("double[]", 2 * [*n[:8]]), 3)) == 12
-    with np.errstate(all="ignore"):
-        distances, nearest, silent = view.read_ranges(distances.astype(np.float32), n[0], n[1])
     assert nearest >= 0.0
-    assert silent == np.isnan(distances).sum()
+    assert seen.silent == np.isnan(distances).sum()
 
 
 numbers = odd | st.floats(-2.0, 2.0)
@@ -172,8 +170,8 @@ def test_a_scan_of_any_size(beams: int) -> None:
     [
         (lambda a: limits_of(DEFAULT_BASE).meeting_time(Velocity(), 1.0, a[:1]), "points"),
         (lambda _: view.see_poses(ffi.new("double[8]"), 2), "own"),
-        (lambda a: view.Directions(0.0, 0.1, 3).scan(a, 0), "distances"),
-        (lambda a: view.first_clear(view.Directions(0.0, 0.1, 4).scan(a[0], 0), 0.1, 1.0, a), "headings"),
+        (lambda a: view.Directions(0.0, 0.1, 3).read(a[:, ::2], 0.0, 9.0, 0.0), "ranges"),
+        (lambda a: view.first_clear(None, 0.1, 1.0, a), "headings"),
         (lambda a: escape.find_moves(a, 0.3, (), 0, (), (), (), a, 0.05, [0.0] * 3), "headings"),
         (
             lambda a: escape.find_moves(a, 0.3, (), 0, (), (), (), np.full((16, 5), 3.0), 0.05, [0.0] * 3),

@@ -240,8 +240,10 @@ double meet(const base_limits *base, const double *motion, double seconds, doubl
 /* view.c */
 /* Tell poses (count, 4: x, y, yaw and a time) in the frame of one of them, (count, 3). */
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
-/* Make distances of the ranges of a scan, as zteam.messages.laser says; return how many beams say nothing. */
-int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double *distances, double *nearest);
+/* Make distances of the ranges of a scan, as zteam.messages.laser says; what is too close to measure is at `closest`.
+   Return how many beams say nothing. */
+int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double closest, double *distances,
+                    double *nearest);
 /* Metres to the nearest hit in a corridor; it looks no further once a hit is nearer than enough. */
 double look_along(const laser_scan *seen, double half_width, double heading, double enough);
 /* The first of some headings whose corridor is clear for some reach, or -1. */

@@ -15,7 +15,8 @@ void see_poses(const double *poses, int64_t count, int64_t own, double *seen)
     }
 }
 
-int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double *distances, double *nearest)
+int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double closest, double *distances,
+                    double *nearest)
 {
     const double low = least <= 0.0 ? 5e-324 : least * (1.0 - 1e-6), high = most * (1.0 + 1e-6);
     const double free = most * (1.0 - 1e-6);
@@ -26,7 +27,7 @@ int64_t read_ranges(const float *ranges, int64_t count, double least, double mos
         int says = ((range >= low) & (range <= high)) | (fabs(range) == INFINITY);
         range = says ? range : NAN;
         range = range >= free ? INFINITY : range;
-        distances[i] = range < 0.0 ? 0.0 : range;
+        distances[i] = range < closest ? closest : range;
     }
     for (int64_t i = 0; i < count; i++) {
         silent += distances[i] != distances[i];

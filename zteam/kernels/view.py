@@ -20,13 +20,15 @@ def see_poses(poses: Any, own: int) -> list[float]:
     return list(seen)
 
 
-def read_ranges(ranges: NDArray[np.float32], least: float, most: float) -> tuple[Floats, float, int]:
-    """Distances of the ranges (n) of a scan with these limits, as `zteam.messages.laser` says; the nearest; and how many
-    beams say nothing. All in metres."""
+def read_ranges(
+    ranges: NDArray[np.float32], least: float, most: float, closest: float = 0.0
+) -> tuple[Floats, float, int, Any]:
+    """Distances of the ranges (n) of a scan with these limits, as `zteam.messages.laser` says, and the nearest; how
+    many beams say nothing; and the distances for C. A hit that is too close to measure is at `closest`. In metres."""
     count, nearest = ranges.size, ffi.new("double *")
     distances, made = empty(np.float64, count)
-    silent = lib.read_ranges(memory("ranges", ranges, count), count, least, most, made, nearest)
-    return distances, nearest[0], silent
+    silent = lib.read_ranges(memory("ranges", ranges, count), count, least, most, closest, made, nearest)
+    return distances, nearest[0], silent, made
 
 
 class Directions:
@@ -34,23 +36,22 @@ class Directions:
 
     def __init__(self, start: float, step: float, count: int) -> None:
         """First angle and increment (rad), and how many beams there are."""
-        self.laser = start, step, count
+        self._laser = start, step
         self.angles: Floats = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
         """(n) bearings in [-pi, pi)."""
         self.axes: Floats = np.array((np.cos(self.angles), np.sin(self.angles)))
         """(2, n): their cosines and sines."""
         self._arrays = memory("angles", self.angles, count), memory("axes", self.axes, 2, count)
 
-    def scan(self, distances: Floats, silent: int) -> Any:
-        """A scan for C: `distances` (n, m; NaN: the beam says nothing), and how many of them say nothing. This object
-        and the distances have to outlive it."""
-        start, step, count = self.laser
-        seen = memory("distances", distances, count)
-        return ffi.new("laser_scan *", (*self._arrays, seen, count, silent, start, step))
+    def read(self, ranges: NDArray[np.float32], least: float, most: float, closest: float) -> tuple[Floats, float, Any]:
+        """The distances of a scan's `ranges` (n), and the nearest, as of `read_ranges`; and the scan for C, which this
+        object and the distances have to outlive."""
+        distances, nearest, silent, made = read_ranges(ranges, least, most, closest)
+        return distances, nearest, ffi.new("laser_scan *", (*self._arrays, made, distances.size, silent, *self._laser))
 
 
 def look_along(scan: Any, half_width: float, heading: float) -> float:
-    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), or inf."""
+    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) towards `heading` (rad) from the laser; or inf."""
     return float(lib.look_along(scan, half_width, heading, -math.inf))
 
 

@@ -31,4 +31,4 @@ class Ranges(NamedTuple):
 
 def read_ranges(ranges: ArrayLike, range_min: float, range_max: float) -> Ranges:
     """The ranges (n,) of a LaserScan with these limits, all in metres. The array given is left alone."""
-    return Ranges(*kernels.read_ranges(np.ascontiguousarray(ranges, np.float32), range_min, range_max))
+    return Ranges(*kernels.read_ranges(np.ascontiguousarray(ranges, np.float32), range_min, range_max)[:3])

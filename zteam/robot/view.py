@@ -19,7 +19,6 @@ from zteam.kernels import view as kernels
 from zteam.kernels.binding import ffi
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
-from zteam.messages.laser import read_ranges
 
 SILENT_AFTER = 2.0
 """Seconds without a status (they come at 1 Hz) after which a teammate is silent: simulated in lock-step, else the
@@ -217,12 +216,14 @@ _directions = lru_cache(maxsize=64)(kernels.Directions)
 
 
 def _read(scan: LaserScan) -> Beams | None:
-    ranges, nearest, silent = read_ranges(scan.ranges, scan.range_min, scan.range_max)
-    start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
-    if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
+    start, step = float(scan.angle_min), float(scan.angle_increment)
+    given = np.ascontiguousarray(scan.ranges, np.float32)
+    if not (given.size and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and given.size > 1):
         return None
-    distances, beams = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING), _directions(start, step, count)
-    return Beams(beams.angles, beams.axes, ranges, distances, nearest, beams.scan(distances, silent), beams)
+    beams = _directions(start, step, given.size)
+    distances, nearest, seen = beams.read(given, scan.range_min, scan.range_max, _TOUCHING)
+    ranges = distances if nearest > _TOUCHING else np.where(distances <= _TOUCHING, 0.0, distances)
+    return Beams(beams.angles, beams.axes, ranges, distances, nearest, seen, beams)
 
 
 _newest: tuple[LaserScan | None, object, Beams | None] = None, None, None

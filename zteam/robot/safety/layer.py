@@ -18,13 +18,11 @@ The rules, which `kernels/safety.c` carries out:
 The text that says why is the same from step to step, so that a robot's status changes only with the cause.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
 from zteam import names
-from zteam.geometry import Point2
 from zteam.kernels.binding import ffi, lib, memory
 from zteam.messages import LaserScan, Twist, ns_from_time
 from zteam.messages.base import DEFAULT_BASE, Base
@@ -87,7 +85,8 @@ class SafetyLayer:
             self._make_room(0 if self._beams is None else self._beams.distances.size)
             inputs.seen = _NO_BEAMS if self._beams is None else self._beams.scan
             inputs.range, (inputs.laser_x, inputs.laser_y) = view.scan.range_max, view.laser
-        inputs.poses, inputs.own_row, inputs.now, inputs.dt = poses.poses, poses.rows.get(view.robot_id, -1), view.now, view.dt
+        inputs.poses, inputs.own_row = poses.poses, poses.rows.get(view.robot_id, -1)
+        inputs.now, inputs.dt = view.now, view.dt
         inputs.is_old, inputs.lacks = bool(trouble), bool(reason)
         cause = lib.limit(self._memory, inputs, (wanted.linear.x, wanted.linear.y, wanted.angular.z))
         return twist_of(*self._memory.command), trouble or (self._why(cause) if cause else "")
