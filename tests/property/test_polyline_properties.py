@@ -1,13 +1,15 @@
 """Any path: places, projection and what is dropped agree; any pose: pursuit gives a velocity within the limits."""
 
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.path import Polyline, SpeedLimits, pursue
+from zteam.kernels.polylines import Polyline
+from zteam.robot.behaviors.path import SpeedLimits, pursue
 
 metres = st.floats(-50.0, 50.0, allow_subnormal=False)
 points = st.lists(st.tuples(metres, metres), min_size=1, max_size=40)
@@ -15,9 +17,9 @@ shares = st.floats(0.0, 1.0)
 near = 1e-6
 
 
-def distance(a: Pose2, b: Pose2) -> float:
+def distance(a: Sequence[float], b: Sequence[float]) -> float:
     """Metres between two poses."""
-    return math.hypot(a.x - b.x, a.y - b.y)
+    return math.dist(a[:2], b[:2])
 
 
 @given(points, shares, shares)
@@ -39,7 +41,7 @@ def test_no_place_of_the_stretch_is_nearer_than_the_projection(
     """The projection lies in the stretch, and no other place there is nearer."""
     path = Polyline(points)
     low, high = sorted((a * path.end, b * path.end))
-    found = path.project(x, y, low, high)
+    found, _ = path.near((x, y), low, high)
     assert low - near <= found <= high + near
     here = Pose2(x, y, 0.0)
     for share in others:

@@ -273,4 +273,42 @@ typedef struct {
    how many they are, -1 without memory. */
 int64_t find_moves(const surroundings *s, double *moves);
 
+/* Points joined by straight pieces. A place on it is metres along it from its first point, also once that is dropped. */
+typedef struct {
+    double *rows;               /* (room, 3), allocated here: x, y and place of a point, from row `first` on */
+    int64_t room, first, count; /* count: points */
+    double start, end;          /* the places of its beginning and of its last point */
+} polyline;
+
+/* Where a robot has driven that leads. Poses are x, y (m) and yaw (rad) in `map`. */
+typedef struct {
+    polyline *path;            /* up to a little behind it */
+    double leader[3], first[3]; /* the newest pose, and the one at the beginning of the path */
+    double place, speed;       /* of the leader on the trail (m, m/s), as far as can be told */
+    double noise;              /* metres: the mean deviation of a pose from the place that was expected; 0: not known */
+    int64_t has_turned, count; /* whether the path ends where the leader turned round; how many samples there are */
+    double samples[128][4];    /* the newest poses: place, x, y, yaw; one is room for the leader's */
+} trail;
+
+/* polylines.c. What is no number is not appended, and is a place before the first one. 0 without a point or memory. */
+void free_points(polyline *p);
+int append_point(polyline *p, double x, double y);
+/* Forget what lies before a place, but for the last piece; or what lies behind it: it becomes the end. */
+void drop_before(polyline *p, double s);
+void cut_after(polyline *p, double s);
+/* The point at a place, or the end nearest to it, and the direction there (0 of a single point). */
+int find_pose(const polyline *p, double s, double *pose);
+/* The place from low to high nearest to a point, the first of equal ones, and the metres from there to the point. */
+int find_nearest(const polyline *p, double x, double y, double low, double high, double *found);
+/* The place of the first point from low to high that is within some metres of this one; high without any. */
+double find_beside(const polyline *p, double x, double y, double within, double low, double high);
+/* Begin a trail whose path and poses are set. */
+void begin_trail(trail *t);
+/* The leader's pose so many seconds after the last one; forget what lies more than `keep` metres behind it. */
+int extend_trail(trail *t, double x, double y, double yaw, double seconds, double keep);
+int trail_stands(const trail *t);
+/* The pose at a place, or so far to the left of it, straight on before the beginning and ahead; its curvature (1/m). */
+void find_trail_pose(trail *t, double place, double lateral, double *pose);
+double trail_curvature(trail *t, double place);
+
 #endif

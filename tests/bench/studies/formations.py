@@ -18,8 +18,8 @@ from zteam.cli.tables import format_table
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
+from zteam.kernels.polylines import Polyline
 from zteam.robot.behaviors.formation import Shape, assign, slots_of
-from zteam.robot.behaviors.path import Polyline
 from zteam.simulator.world.model import footprint
 from zteam.world import World, add_robot, load_world
 
@@ -194,7 +194,7 @@ def _on_path(path: Polyline, place: float, first: Pose2) -> Pose2:
     if place <= 0.0:
         return first.compose(Pose2(place, 0.0, 0.0))
     (x, y, _), behind, ahead = path.at(place), path.at(place - _CHORD), path.at(place + _CHORD)
-    return Pose2(x, y, math.atan2(ahead.y - behind.y, ahead.x - behind.x))
+    return Pose2(x, y, math.atan2(ahead[1] - behind[1], ahead[0] - behind[0]))
 
 
 def _run(

@@ -12,10 +12,11 @@ import numpy as np
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, curvature_to, in_polygon, normalize_angle
+from zteam.kernels.polylines import Polyline
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
-from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
+from zteam.robot.behaviors.path import LOOK_AHEAD, SpeedLimits
 from zteam.robot.view import View, is_clear, is_seen, look_along
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0

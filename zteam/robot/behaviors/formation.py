@@ -17,11 +17,12 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.kernels.polylines import LeaderTrail
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
 from zteam.robot.behaviors.evasion import MOVED, Around, BoxedIn
 from zteam.robot.behaviors.line import Line, see_robot
-from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.row import Row, share_for_room
 from zteam.robot.behaviors.trail import HEAD_SPEED, HEAD_TURN_RATE, LineMember
 from zteam.robot.view import NO_POSE, View, is_clear, own_pose
@@ -216,25 +217,24 @@ def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * angle + turn)))
 
 
-def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
+def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Point2:
     """Where to drive that is far from its slot, which moves (m/s) at this place of the trail; in the own base frame.
 
     It goes along the trail where a wall is between. `here` is the own pose in map.
     """
-    if not _is_in_sight(view, slot):
-        to_base, path = here.inverse(), trail.path
-        while place > path.start:
-            seen = to_base.compose(path.at(place))
-            if math.hypot(seen.x, seen.y) > ALONG and _is_in_sight(view, seen):
+    if not _is_in_sight(view, slot.x, slot.y):
+        while place > trail.path.start:
+            seen = here.locate(*trail.path.point(place))
+            if math.hypot(*seen) > ALONG and _is_in_sight(view, *seen):
                 return seen
             place -= ALONG
     # So far ahead that the robot has the slot's speed when it is there.
-    return slot.compose(Pose2(max(0.0, speed) / SLOT_GAIN, 0.0, 0.0))
+    return slot.compose(Pose2(max(0.0, speed) / SLOT_GAIN, 0.0, 0.0))[:2]
 
 
-def _is_in_sight(view: View, place: Pose2) -> bool:
+def _is_in_sight(view: View, x: float, y: float) -> bool:
     """Whether there is room for the robot all the way to a place in its base frame."""
-    reach, bearing = math.hypot(place.x, place.y), math.atan2(place.y, place.x)
+    reach, bearing = math.hypot(x, y), math.atan2(y, x)
     return view.scan is None or is_clear(view.scan, view.base.half_width + MARGIN, reach, bearing)
 
 
@@ -327,7 +327,7 @@ class Formation(LineMember):
                 self._trail.forget()
             self._before = len(role.before)
             return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
-        command, way = self._drive(view, here, slot, target, limits)
+        command, way = self._drive(view, here, leader.pose, slot, target, limits)
         if self._escape.makes_room(view, counts=not self._is_parked):
             command, way = Twist(angular=Vector3(z=1.0)), []
         command = self._escape.free(view, command, way)
@@ -336,12 +336,12 @@ class Formation(LineMember):
         return command
 
     def _drive(
-        self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits
+        self, view: View, here: Pose2, leader: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits
     ) -> tuple[Twist, list[Point2]]:
         """The velocity, and the place in the base frame to which it leads; none where the robot is in its slot."""
         trail, at = self._driven, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
-        away = self._make_way(view, here)
+        away = self._make_way(view, here, leader)
         if away is not None:
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
             return self._around_leader.drive_to(view, *away, limits), [away]
@@ -355,11 +355,10 @@ class Formation(LineMember):
         if distance < NEAR:
             return hold(at, speed, trail.speed * bend, limits), [at[:2]]
         goal = find_goal(view, here, at, speed, trail, place)
-        return self._around.drive_to(view, goal.x, goal.y, limits), [goal[:2]]
+        return self._around.drive_to(view, *goal, limits), [goal]
 
-    def _make_way(self, view: View, here: Pose2) -> Point2 | None:
+    def _make_way(self, view: View, here: Pose2, leader: Pose2) -> Point2 | None:
         """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
-        leader = self._driven.leader
         is_boxed = self._boxed_in.look(view.now, leader)
         x, y, yaw = leader.inverse().compose(here)
         apart, at = math.hypot(x, y), here.inverse().compose(leader)
@@ -439,7 +438,7 @@ class Formation(LineMember):
         if view.scan is None:
             return needed
         to_base = here.inverse()
-        poses = [to_base.compose(trail.at(place)) for place in places]
+        poses = [to_base.compose(Pose2(*trail.at(place))) for place in places]
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, poses, mates, left, right, view.base.half_width))
 
@@ -465,4 +464,4 @@ class Formation(LineMember):
         self.leader, self.follows, self.gap, self._before = self._leads, None, 0.0, 0
 
     def _place(self, slot: Slot) -> Pose2:
-        return self._driven.at(self._driven.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
+        return Pose2(*self._driven.at(self._driven.place - slot.back, slot.lateral))

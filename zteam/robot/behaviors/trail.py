@@ -9,6 +9,7 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.errors import log
 from zteam.geometry import Point2, Pose2
+from zteam.kernels.polylines import LeaderTrail, Polyline
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import AGAIN, Escape
@@ -25,7 +26,7 @@ from zteam.robot.behaviors.line import (
     see_robot,
     waits_for,
 )
-from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue, way_back
+from zteam.robot.behaviors.path import LOOK_AHEAD, SpeedLimits, pursue
 from zteam.robot.behaviors.spreading import Spreading, spread
 from zteam.robot.behaviors.steering import Steering
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, is_clear, is_seen, own_pose
@@ -104,8 +105,8 @@ def head_comes_round(view: View, role: LineRole) -> bool:
     return apart[0] > max(role.gap + STRETCHED, own + NEAREST) and min(apart) > own
 
 
-SPACING, STEP = 0.05, 0.1
-"""Metres between two points of the own way, and of what becomes a trail of it."""
+SPACING, STEP, SAME = 0.05, 0.1, 0.25
+"""Metres between two points of the own way, and of what becomes a trail of it; and at which it is at the same place."""
 KEPT = 30.0
 """Metres of the own way that are kept: a new head stands on it."""
 JUMP = 1.0
@@ -185,6 +186,8 @@ class Trail:
         self._place = 0.0
         self.own_way = Polyline()
         """The robot's own way."""
+        self._noted: Point2 = (math.inf, math.inf)
+        """Its last point."""
         self._known = 0.0
         """The place from which on the trail is the way of a robot: before that it may lead through walls."""
         self._left: tuple[float, float] | None = None
@@ -210,11 +213,12 @@ class Trail:
 
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
-        moved = math.dist(own[:2], self.own_way.last) if len(self.own_way) else SPACING
+        moved = math.dist(own[:2], self._noted)
         if moved > JUMP:
             self.own_way, self._left = Polyline(), None
         if moved >= SPACING:
-            self.own_way.append(own.x, own.y)
+            self._noted = own[:2]
+            self.own_way.append(*self._noted)
             self.own_way.drop_before(self.own_way.end - KEPT)
 
     def step(
@@ -310,10 +314,10 @@ class Trail:
         if self._leads is not None or not len(path):
             # What lies beyond the lost head is no robot's way: this one does not go back to it.
             self._leads, self._known, self._left = None, math.inf, None
-            path.append(*(path.last if len(path) else own[:2]))
-            for along in (0.0, BEYOND):
-                x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
-                path.append(x, y)
+            if not len(path):
+                path.append(*own[:2])
+            path.append(*head[:2])
+            path.append(*head.compose(Pose2(BEYOND, 0.0, 0.0))[:2])
             self._got_on = view.now, self._place
         if self._got_on is None:
             return None
@@ -352,9 +356,18 @@ class Trail:
         path, here = self._trail.path, self._place
         beyond = here + LOOK_ON if is_blocked(view, own, path, here, passed) else here
         if speed > 0.0 and (beyond > here or math.dist(own[:2], path.point(here)) > OFF):
-            x, y, _ = own.inverse().compose(path.at(min(beyond + LOOK_AHEAD, path.end)))
+            x, y = own.locate(*path.point(beyond + LOOK_AHEAD))
             return self._around.drive_to(view, x, y, limits, ahead)
         return pursue(own, path, here, speed, limits)
+
+
+def way_back(way: Polyline, place: float) -> list[Point2]:
+    """From the end of a way back to this place on it, without what it went twice."""
+    back, at = [way.point(way.end)], way.end
+    while at > place:
+        at = min(at, way.first_beside(back[-1], SAME, place, at)) - STEP
+        back.append(way.point(at))
+    return back
 
 
 def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:

@@ -20,7 +20,7 @@ from zteam.config.numbers import counted
 from zteam.config.toml_values import toml_text
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.path import Polyline
+from zteam.kernels.polylines import Polyline
 from zteam.simulator.world.model import footprint
 from zteam.team.run.run_team import run_team
 from zteam.world import World, add_robot, load_world

@@ -13,7 +13,7 @@ from PIL import Image
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.path import Polyline
+from zteam.kernels.polylines import Polyline
 
 CELL = 0.05
 """Metres: side of a cell of the bitmaps."""

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from zteam.geometry import Pose2
+from zteam.kernels.polylines import Polyline
 from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.robot.behaviors.evasion import (
     MakingRoom,
@@ -13,7 +14,7 @@ from zteam.robot.behaviors.evasion import (
     is_too_near,
 )
 from zteam.robot.behaviors.line import LineRole
-from zteam.robot.behaviors.path import Polyline, SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
 from zteam.testing import make_view
 

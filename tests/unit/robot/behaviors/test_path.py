@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from support.flat_floor import ORIGIN, TICK, Floor, make_scan, make_view
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
+from zteam.kernels.polylines import Polyline
 from zteam.messages import Twist
-from zteam.robot.behaviors.path import Polyline
 
 COURSES = {
     "square": [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0.5]],
@@ -47,8 +47,7 @@ def test_it_keeps_to_its_path(course: str) -> None:
     assert math.hypot(floor.poses[0].x - x, floor.poses[0].y - y) <= 0.06
     line, off = Polyline([(float(x), float(y)) for x, y in COURSES[course]]), []
     for pose, _ in driven:
-        nearest = line.at(line.project(pose.x, pose.y))
-        off.append(math.hypot(nearest.x - pose.x, nearest.y - pose.y))
+        off.append(line.near(pose)[1])
     assert sorted(off)[int(0.9 * len(off))] <= 0.03
     assert line.end / (0.1 * len(driven)) > 0.4
     turns = [command.angular.z for _, command in driven]

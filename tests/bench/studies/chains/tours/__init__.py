@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from zteam.errors import UsageError
-from zteam.robot.behaviors.path import Polyline
+from zteam.kernels.polylines import Polyline
 
 LEAD_IN = 13.0
 """Metres of a tour behind the leader's start, where its followers stand: room for 16 robots."""

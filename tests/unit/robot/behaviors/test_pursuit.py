@@ -1,4 +1,4 @@
-"""Paths by arc length, and keeping to them."""
+"""Keeping to a path."""
 
 import math
 
@@ -6,52 +6,8 @@ import pytest
 
 from support.flat_floor import drive
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.path import Polyline, SpeedLimits, pursue, slow_down
-
-
-def corner() -> Polyline:
-    """2 m along x, then 1 m along y."""
-    return Polyline([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0)])
-
-
-@pytest.mark.parametrize(
-    ("s", "pose"),
-    [
-        (-1.0, Pose2(0.0, 0.0, 0.0)),
-        (0.5, Pose2(0.5, 0.0, 0.0)),
-        (2.0, Pose2(2.0, 0.0, math.pi / 2)),
-        (2.25, Pose2(2.0, 0.25, math.pi / 2)),
-        (9.0, Pose2(2.0, 1.0, math.pi / 2)),
-    ],
-)
-def test_a_place_is_metres_along_the_path(s: float, pose: Pose2) -> None:
-    """Between two points a place is interpolated, and a place beyond an end is that end."""
-    assert corner().at(s) == pytest.approx(pose)
-
-
-def test_a_point_twice_is_one_point() -> None:
-    """A step of no length adds nothing, so that every piece has a direction."""
-    path = Polyline([(1.0, 1.0), (1.0, 1.0), (1.0, 3.0), (1.0, 3.0 + 1e-12)])
-    assert (len(path), path.end, path.last) == (2, 2.0, (1.0, 3.0))
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "low", "high", "s"),
-    [
-        (1.0, 3.0, 0.0, 9.0, 3.0),
-        (0.5, -2.0, 0.0, 9.0, 0.5),
-        (1.5, 0.9, 0.0, 9.0, 2.9),
-        (1.5, 0.9, 0.0, 1.8, 1.5),
-        (0.5, 0.0, 1.0, 2.0, 1.0),
-        (5.0, 0.5, 0.0, 2.25, 2.25),
-        (0.0, 0.0, 7.0, 8.0, 3.0),
-        (0.0, 0.0, 1.5, 1.0, 1.5),
-    ],
-)
-def test_the_nearest_place_of_a_stretch(x: float, y: float, low: float, high: float, s: float) -> None:
-    """Only places from `low` to `high` count, so a path that comes near itself is not confused."""
-    assert corner().project(x, y, low, high) == pytest.approx(s)
-
+from zteam.kernels.polylines import Polyline
+from zteam.robot.behaviors.path import SpeedLimits, pursue, slow_down
 
 STRAIGHT = Polyline([(0.0, 0.0), (10.0, 0.0)])
 LIMITS = SpeedLimits(linear=0.7)

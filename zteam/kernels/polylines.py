@@ -1,0 +1,139 @@
+"""Paths of straight pieces by arc length, and the trail of a robot that leads (polylines.c): metres and radians."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from zteam.kernels.binding import ffi, lib
+
+Point = tuple[float, float]
+Pose = tuple[float, float, float]
+"""x, y, yaw."""
+JUMP = 1.0
+"""Metres in one step after which the leader has not driven but was moved."""
+
+
+class Polyline:
+    """Points joined by straight pieces. It grows at its end and can be dropped from its beginning.
+
+    Places on it are arc lengths from its first point. They stay the same when its beginning is dropped. A place beyond
+    an end is that end, one that is no number the first end; a point that is no number is not appended. Without a point
+    there is no place: IndexError.
+    """
+
+    def __init__(self, points: Iterable[Point] = ()) -> None:
+        self.line = ffi.gc(ffi.new("polyline *"), lib.free_points)
+        """For C."""
+        self._found = ffi.new("double[3]")
+        for x, y in points:
+            self.append(x, y)
+
+    def __len__(self) -> int:
+        return int(self.line.count)
+
+    @property
+    def start(self) -> float:
+        """The place of its beginning: above 0 once something was dropped."""
+        return self.line.start  # type: ignore[no-any-return]
+
+    @property
+    def end(self) -> float:
+        """The place of its last point."""
+        return self.line.end  # type: ignore[no-any-return]
+
+    def append(self, x: float, y: float) -> None:
+        """A point as far as 1 nm from the last one, at least, or none."""
+        if not lib.append_point(self.line, x, y):
+            raise MemoryError
+
+    def drop_before(self, s: float) -> None:
+        """Forget what lies before `s`, but for the last piece."""
+        lib.drop_before(self.line, s)
+
+    def cut_after(self, s: float) -> None:
+        """Forget what lies behind `s`, which becomes its end."""
+        lib.cut_after(self.line, s)
+
+    def at(self, s: float) -> Pose:
+        """The point at `s`, or the end nearest to it, and the direction there."""
+        if not lib.find_pose(self.line, s, self._found):
+            raise IndexError("a path without a point")
+        x, y, yaw = ffi.unpack(self._found, 3)
+        return x, y, yaw
+
+    def point(self, s: float) -> Point:
+        """The point at `s`, as `at`."""
+        return self.at(s)[:2]
+
+    def near(self, point: Sequence[float], low: float = -math.inf, high: float = math.inf) -> tuple[float, float]:
+        """The place from `low` to `high` nearest to (x, y, …), the first of equal ones, and the metres from there to it
+        (infinite from a point that is no number)."""
+        if not lib.find_nearest(self.line, point[0], point[1], low, high, self._found):
+            raise IndexError("a path without a point")
+        place, off = ffi.unpack(self._found, 2)
+        return place, off
+
+    def first_beside(self, point: Point, within: float, low: float, high: float) -> float:
+        """The first of its points from `low` to `high` that is less than `within` from this one; `high` without any."""
+        return lib.find_beside(self.line, *point, within, low, high)  # type: ignore[no-any-return]
+
+
+class LeaderTrail:
+    """Where one leader has driven, as a follower saw it. It goes straight on before its beginning.
+
+    The poses may be noisy and late. So the trail is not the poses themselves, whose zigzag would be longer than the
+    way, but a smooth line through them, which ends a little behind the leader. How far the leader has come, and how
+    fast it drives, is estimated (an alpha-beta filter).
+    """
+
+    def __init__(self) -> None:
+        self._trail, self._found = ffi.new("trail *"), ffi.new("double[3]")
+        self.leader: Pose = 0.0, 0.0, 0.0
+        """The newest pose in map."""
+        self.stamp = 0
+        """Of that pose, ns."""
+        self.place = 0.0
+        """Where the leader is on its trail, as far as can be told."""
+        self.speed = 0.0
+        """Of the leader along its trail, m/s."""
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew with the next pose."""
+        self.path = Polyline()
+        """The trail up to a little behind the leader."""
+        self._trail.path = self.path.line
+
+    @property
+    def stands(self) -> bool:
+        """Whether the leader stands, as far as can be told."""
+        return bool(lib.trail_stands(self._trail))
+
+    def is_far(self, leader: Pose) -> bool:
+        """Whether the leader cannot have driven to this pose from the last one: it was set down there."""
+        return not len(self.path) or math.dist(leader[:2], self.leader[:2]) > JUMP
+
+    def begin(self, first: Pose, way: Iterable[Point], leader: Pose, stamp: int) -> None:
+        """Begin anew with a way from `first` to this pose of the leader, of time `stamp` (ns)."""
+        path, trail = Polyline([first[:2], *way, leader[:2]]), self._trail
+        self.path, trail.path, trail.first, trail.leader = path, path.line, first, leader
+        lib.begin_trail(trail)
+        self.leader, self.stamp, self.place, self.speed = leader, stamp, path.end, 0.0
+
+    def add(self, leader: Pose, stamp: int, keep: float) -> None:
+        """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
+        if self.is_far(leader):
+            self.begin(leader, (), leader, stamp)
+        elif lib.extend_trail(self._trail, *leader, (stamp - self.stamp) / 1e9, keep):
+            self.leader, self.stamp = leader, stamp
+            self.place, self.speed = self._trail.place, self._trail.speed
+
+    def at(self, place: float, lateral: float = 0.0) -> Pose:
+        """The pose that the leader had at this place, or so far to the left of it; extrapolated straight behind the
+        beginning and ahead."""
+        lib.find_trail_pose(self._trail, place, lateral, self._found)
+        x, y, yaw = ffi.unpack(self._found, 3)
+        return x, y, yaw
+
+    def curvature(self, place: float) -> float:
+        """1/m, left positive."""
+        return lib.trail_curvature(self._trail, place)  # type: ignore[no-any-return]
