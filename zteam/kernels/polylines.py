@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from struct import Struct
 
 from zteam.kernels.binding import ffi, lib
 
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 """x, y, yaw."""
+_read_two, _read_three = Struct("2d").unpack_from, Struct("3d").unpack_from
 JUMP = 1.0
 """Metres in one step after which the leader has not driven but was moved."""
+NO_POINT = "a path without a point has no place"
 
 
 class Polyline:
@@ -24,6 +27,7 @@ class Polyline:
         self.line = ffi.gc(ffi.new("polyline *"), lib.free_points)
         """For C."""
         self._found = ffi.new("double[3]")
+        self._read = ffi.buffer(self._found)
         for x, y in points:
             self.append(x, y)
 
@@ -56,21 +60,21 @@ class Polyline:
     def at(self, s: float) -> Pose:
         """The point at `s`, or the end nearest to it, and the direction there."""
         if not lib.find_pose(self.line, s, self._found):
-            raise IndexError("a path without a point")
-        x, y, yaw = ffi.unpack(self._found, 3)
-        return x, y, yaw
+            raise IndexError(NO_POINT)
+        return _read_three(self._read)
 
     def point(self, s: float) -> Point:
         """The point at `s`, as `at`."""
-        return self.at(s)[:2]
+        if not lib.find_pose(self.line, s, self._found):
+            raise IndexError(NO_POINT)
+        return _read_two(self._read)
 
     def near(self, point: Sequence[float], low: float = -math.inf, high: float = math.inf) -> tuple[float, float]:
         """The place from `low` to `high` nearest to (x, y, …), the first of equal ones, and the metres from there to it
         (infinite from a point that is no number)."""
         if not lib.find_nearest(self.line, point[0], point[1], low, high, self._found):
-            raise IndexError("a path without a point")
-        place, off = ffi.unpack(self._found, 2)
-        return place, off
+            raise IndexError(NO_POINT)
+        return _read_two(self._read)
 
     def first_beside(self, point: Point, within: float, low: float, high: float) -> float:
         """The first of its points from `low` to `high` that is less than `within` from this one; `high` without any."""
@@ -87,6 +91,7 @@ class LeaderTrail:
 
     def __init__(self) -> None:
         self._trail, self._found = ffi.new("trail *"), ffi.new("double[3]")
+        self._read = ffi.buffer(self._found)
         self.leader: Pose = 0.0, 0.0, 0.0
         """The newest pose in map."""
         self.stamp = 0
@@ -131,8 +136,7 @@ class LeaderTrail:
         """The pose that the leader had at this place, or so far to the left of it; extrapolated straight behind the
         beginning and ahead."""
         lib.find_trail_pose(self._trail, place, lateral, self._found)
-        x, y, yaw = ffi.unpack(self._found, 3)
-        return x, y, yaw
+        return _read_three(self._read)
 
     def curvature(self, place: float) -> float:
         """1/m, left positive."""
