@@ -110,6 +110,8 @@ class RobotInputs:
         self.declared = declared or []
         self._of_behavior = self._none_declared()
         """By the name of a declared input: the newest message or None, or the newest messages by robot."""
+        self._shown: dict[str, Mapping[int, Message]] = {}
+        """What a view shows of the latter, until the next message comes."""
         self._heard: dict[int, tuple[int, float]] = {}
         """When each robot's newest status came, in ns and in host time."""
         self._velocities: dict[str, tuple[Twist, int]] = {}
@@ -177,6 +179,7 @@ class RobotInputs:
             self._of_behavior[declared.name] = message
         elif target := names.split_robot_key(key):
             self._of_behavior[declared.name][target[0]] = message
+            self._shown.pop(declared.name, None)
             if isinstance(message, RobotStatus):
                 self._heard[target[0]] = stamp, monotonic()
 
@@ -256,11 +259,11 @@ class RobotInputs:
             self._bases = {i: base for i, base in sorted(self._told.items()) if robots is None or i in robots}
             self._rows = {i: row for row, i in enumerate(sorted({self._id, *team, *self._bases}))}
         seen = None if self.scan is None else self._lasers.level(self.scan)
-        declared = self._none_declared() if is_first else dict(self._of_behavior)
-        for name, newest in declared.items():
-            if isinstance(newest, dict):
+        for name, newest in self._of_behavior.items():
+            if isinstance(newest, dict) and name not in self._shown:
                 # A copy: the behaviour may look at it while messages come.
-                declared[name] = MappingProxyType(dict(sorted(newest.items())))
+                self._shown[name] = MappingProxyType(dict(sorted(newest.items())))
+        declared = self._none_declared() if is_first else {**self._of_behavior, **self._shown}
         return View(
             now=now,
             dt=dt,
@@ -282,7 +285,7 @@ class RobotInputs:
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""
         self.transforms.forget()
-        self._of_behavior, self._heard = self._none_declared(), {}
+        self._of_behavior, self._shown, self._heard = self._none_declared(), {}, {}
         self._velocities.clear()
         self.scan = self.odom = None
         self.scan_stamp = 0
