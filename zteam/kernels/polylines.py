@@ -125,10 +125,9 @@ class LeaderTrail:
         self.leader, self.stamp, self.place, self.speed = leader, stamp, path.end, 0.0
 
     def add(self, leader: Pose, stamp: int, keep: float) -> None:
-        """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
-        if self.is_far(leader):
-            self.begin(leader, (), leader, stamp)
-        elif lib.extend_trail(self._trail, *leader, (stamp - self.stamp) / 1e9, keep):
+        """The leader's newest pose, not far from the last one, of time `stamp` (ns). Forgets what lies more than `keep`
+        metres behind."""
+        if lib.extend_trail(self._trail, *leader, (stamp - self.stamp) / 1e9, keep):
             self.leader, self.stamp = leader, stamp
             self.place, self.speed = self._trail.place, self._trail.speed
 

@@ -130,6 +130,8 @@ class Trail(LeaderTrail):
     def see(self, leader: Pose2, keep: float = 10.0) -> None:
         """The leader's pose in the next tick."""
         self.ticks += 1
+        if self.is_far(leader):
+            self.begin(leader, (), leader, self.ticks * TICK)
         self.add(leader, self.ticks * TICK, keep)
 
 

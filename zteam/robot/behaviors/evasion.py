@@ -5,7 +5,6 @@ room for a head that keeps its place, and that may turn back into its line.
 """
 
 import math
-from collections.abc import Sequence, Set
 
 import numpy as np
 
@@ -250,7 +249,7 @@ class MakingRoom:
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
         self._boxed_in = BoxedIn()
-        self._asking: int | None = None
+        self.asking: int | None = None
         """The robot for which it drives back."""
 
     def rest(self) -> None:
@@ -259,51 +258,49 @@ class MakingRoom:
         self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(
-        self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
-        *, keeps: bool, driven_on: float = 0.0,
-    ) -> tuple[Twist | None, str]:  # fmt: skip
-        """The velocity of a robot at `own` (map) with this `role` in the line, and what it does.
+        self, view: View, role: LineRole, head: Pose2, back: float, limits: SpeedLimits, *, driven_on: float = 0.0
+    ) -> tuple[Twist | None, str]:
+        """The velocity of a robot with this `role` behind a head that keeps its place, as one that is driven by hand
+        does, and is at `head` (map); and what it does.
 
         An empty text means: follow. A text without a velocity means: back up.
 
-        `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
-        the head keeps its place, as one that is driven by hand does. `driven_on`: metres that the robot ahead has
-        driven away since its pose, which may be late.
+        `back`: metres behind the head where it belongs. `driven_on`: metres that the robot ahead has driven away since
+        its pose, which may be late.
         """
-        head = role.before[-1]
-        self._asking, seen = self._find_asking(view, own, role.before, stopped, driven_on) if keeps else (None, {})
-        if not keeps:
-            return None, ""
-        command = self._go_round(view, seen.get(head), back, limits)
+        self.asking, seen = self._find_asking(view, role, head, driven_on)
+        command = self._go_round(view, seen.get(role.before[-1]), back, limits)
         if command is not None:
-            return self._escape.free(view, command), f"drives round {names.robot_name(head)}"
-        backs_up = self._asking is not None and seen[self._asking].x > 0.0
-        return None, f"makes room for {names.robot_name(self._asking)}" if backs_up else ""
+            return self._escape.free(view, command), f"drives round {names.robot_name(role.before[-1])}"
+        backs_up = self.asking is not None and seen[self.asking].x > 0.0
+        return None, f"makes room for {names.robot_name(self.asking)}" if backs_up else ""
 
     def _find_asking(
-        self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int], driven_on: float
+        self, view: View, role: LineRole, head: Pose2, driven_on: float
     ) -> tuple[int | None, dict[int, Pose2]]:
         """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
 
-        And where those of the robots `before` are that may do so, in the own base frame.
+        And where those of the robots before it are that may do so, in the own base frame.
         """
-        head, asked = before[-1], {before[0], before[-1], self._asking, *stopped}
-        found = ((robot, view.base_from_robot(robot)) for robot in before if robot in asked)
+        first, last = role.before[0], role.before[-1]
+        asked = {first, last, self.asking, *role.stopped}
+        found = [(robot, view.base_from_robot(robot)) for robot in role.before if robot in asked]
         seen = {robot: at[0] for robot, at in found if at is not None}
-        is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
-        if driven_on and before[0] in seen:
-            seen[before[0]] = seen[before[0]]._replace(x=seen[before[0]].x + driven_on)
+        is_boxed = last in seen and self._boxed_in.look(view.now, head)
+        if driven_on and first in seen:
+            x, y, yaw = seen[first]
+            seen[first] = Pose2(x + driven_on, y, yaw)
         for robot, at in seen.items():
-            near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0
-            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
-            if robot in stopped or is_near:
+            near = ROOM if is_boxed and robot == last else MET if robot == self.asking else 0.0
+            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == first and is_too_near(at)))
+            if robot in role.stopped or is_near:
                 return robot, seen
         return None, seen
 
     def _go_round(self, view: View, head: Pose2 | None, back: float, limits: SpeedLimits) -> Twist | None:
         """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""
         apart = math.inf if head is None else math.hypot(head.x, head.y)
-        if head is None or apart > FACED or head.inverse().x <= 0.0:
+        if head is None or apart > FACED or head.locate(0.0, 0.0)[0] <= 0.0:
             self._faced_since = None
         elif self._faced_since is None and head.x > 0.0 and apart < FACING:
             self._faced_since = view.now
@@ -315,17 +312,14 @@ class MakingRoom:
         return self._around.drive_to(view, x, y, limits)
 
 
-def find_stopped(view: View) -> Set[int]:
-    """The robots that say that this one is in their way."""
-    statuses = view.inputs.get("statuses") or {}
-    return {robot for robot, status in statuses.items() if status.blocked_by == view.robot_id}
-
-
 def is_too_near(ahead: Pose2) -> bool:
     """Whether a robot has to drive back from the one at `ahead` (own base frame)."""
-    back = ahead.inverse()
-    is_met = back.x > 0.0 and max(abs(ahead.y), abs(back.y)) < BESIDE
-    return ahead.x > 0.0 and math.hypot(ahead.x, ahead.y) < (MET if is_met else NEAR)
+    apart = math.hypot(ahead.x, ahead.y)
+    if ahead.x <= 0.0 or apart >= MET:
+        return False
+    x, y = ahead.locate(0.0, 0.0)
+    is_met = x > 0.0 and max(abs(ahead.y), abs(y)) < BESIDE
+    return is_met or apart < NEAR
 
 
 def back_up(own: Pose2, path: Polyline, place: float) -> Twist:

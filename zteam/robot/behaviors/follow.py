@@ -98,7 +98,7 @@ class Follow(LineMember):
     def _follow(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
         self._successor, self._before = None, role.before[0]
         if self.params.law == "direct":
-            return self._drive_straight(view, role.before[0], limits)
+            return self._drive_straight(view, own, role.before[0], limits)
         gap, stale_after = self.params.gap, self.params.stale_after
         command, self.reason = self._trail.step(view, own, role, gap, stale_after, limits)
         return command
@@ -106,7 +106,7 @@ class Follow(LineMember):
     def _lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits, speed: float, rate: float) -> Twist:
         """In the place of a head that is gone, or that has handed over."""
         if self._before in role.gone:
-            lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
+            lost = see_robot(view, self._before)[0]
             command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, role.gone)
             if command is not None:
                 self._head.rest()
@@ -130,16 +130,17 @@ class Follow(LineMember):
             return "its parameter max_linear is 0"
         return super().why_it_rests() if self._successor is None else self._successor.why_it_rests()
 
-    def _drive_straight(self, view: View, ahead: int, limits: SpeedLimits) -> Twist:
+    def _drive_straight(self, view: View, own: Pose2, ahead: int, limits: SpeedLimits) -> Twist:
         """The lectures' law, mended: to the robot ahead, past what stands between."""
-        seen, self.reason = see_robot(view, ahead, view.base_frame, self.params.stale_after)
+        seen, self.reason = see_robot(view, ahead, self.params.stale_after)
         if seen is None:
             return Twist()
-        apart = self._trail.ahead.apart = math.hypot(seen.pose.x, seen.pose.y)
+        x, y = own.locate(*seen.pose[:2])
+        apart = self._trail.ahead.apart = math.hypot(x, y)
         if apart <= self.params.min_dist:
             return Twist()
-        return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
+        return self._around.drive_to(view, x, y, limits, ahead, LEADER_ROOM)
 
     def missing(self, view: View) -> list[str]:
-        seen, _ = see_robot(view, self.params.leader, view.base_frame, self.params.stale_after)
+        seen, _ = see_robot(view, self.params.leader, self.params.stale_after)
         return [] if seen else [f"the pose of its leader {names.robot_name(self.params.leader)}"]

@@ -304,20 +304,23 @@ class Formation(LineMember):
         return self.gap > 0.0
 
     def missing(self, view: View) -> list[str]:
-        leader, _ = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
+        leader, _ = see_robot(view, self._leads, self.params.stale_after)
         return [] if leader else [f"the pose of its leader {names.robot_name(self._leads)}"]
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
         here = own_pose(view)
-        leader, self.reason = see_robot(view, self._leads, names.MAP_FRAME, self.params.stale_after)
+        leader, self.reason = see_robot(view, self._leads, self.params.stale_after)
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
             self._driven.forget()
             self.on_release()
             return Twist()
         members = self._members(view)
-        self._driven.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
+        trail, stamp = self._driven, leader.stamp or view.now
+        if trail.is_far(leader.pose):
+            trail.begin(leader.pose, (), leader.pose, stamp)
+        trail.add(leader.pose, stamp, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         if self.gap:

@@ -32,18 +32,18 @@ class Seen(NamedTuple):
     """Nanoseconds; 0 where nothing on the way ever moves."""
 
 
-def see_robot(view: View, robot_id: int, frame: str, stale_after: float) -> tuple[Seen | None, str]:
-    """The leader `robot_id` in `frame`; or None and why not: its pose is not known, or older than `stale_after` s."""
+def see_robot(view: View, robot_id: int, stale_after: float = math.inf) -> tuple[Seen | None, str]:
+    """The leader `robot_id` in map; or None and why not: its pose is not known, or older than `stale_after` s."""
     if robot_id == view.robot_id:
         return None, "it cannot follow itself"
-    found = view.lookup(frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+    found = view.map_from_robot(robot_id)
     if found is None:
         return None, f"leader {names.robot_name(robot_id)} not seen"
     pose, stamp = found
     # A stamp of 0 says that nothing on the way ever moves, so there is no age.
     if stamp and not view.is_fresh(stamp, stale_after):
         return None, f"leader {names.robot_name(robot_id)} not seen for {stale_after:g} s"
-    if not all(map(math.isfinite, pose)):
+    if not math.isfinite(sum(pose)):
         return None, f"the pose of leader {names.robot_name(robot_id)} is no number"
     return Seen(pose, stamp), ""
 
@@ -86,6 +86,8 @@ class LineRole(NamedTuple):
     """The robots that are gone: they may stand in the way."""
     turns: int = 0
     """How often the line has been led from the other end since it was there."""
+    stopped: Set[int] = frozenset()
+    """The robots that say that this one is in their way."""
 
     @property
     def ahead(self) -> int | None:
@@ -106,6 +108,10 @@ class Line:
         self._gone: Set[int] = frozenset()
         self._cut_off: dict[int, int] = {}
         """Since when robots are not alive any more (ns) that were silent before: they may be frozen."""
+        self._role = LineRole()
+        """The last one found, by what follows."""
+        self._statuses: object = self
+        self._found_by: tuple[object, ...] = ()
 
     def find_gone(self, view: View) -> Set[int]:
         """The robots that were alive since this one began, and are not any more.
@@ -126,11 +132,21 @@ class Line:
         self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
     ) -> LineRole:
         """The role of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
+        statuses: Mapping[int, Any] | None = view.inputs.get("statuses")
+        found_by = leader, on_lost, may_turn, self.turns, view.team, view.silent
+        # Statuses come at 1 Hz, the next ones in another mapping.
+        if statuses is not self._statuses or found_by != self._found_by or self._cut_off:
+            self._statuses, self._found_by = statuses, found_by
+            self._role = self._new_role(view, leader, on_lost, statuses or {}, may_turn)
+        return self._role
+
+    def _new_role(
+        self, view: View, leader: int | None, on_lost: OnLeaderLost, statuses: Mapping[int, Any], may_turn: bool
+    ) -> LineRole:
         gone = self.find_gone(view)
         if on_lost == "relink":
             # Those that were cut off may come back soon.
             gone = gone - {robot for robot, since in self._cut_off.items() if view.now - since < CUT_OFF_FOR}
-        statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
         # A robot that follows in another way, as in a formation, publishes no gap, and is a head.
         leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
         leaders.pop(view.robot_id, None)
@@ -171,6 +187,7 @@ class Line:
             gap=max([GAP, *[min(status.gap, MOST_GAP) for status in told.values() if status.gap > 0.0]]),
             gone=gone,
             turns=self.turns,
+            stopped={robot for robot, status in statuses.items() if status.blocked_by == view.robot_id},
         )
 
     def _count_turns(self, own: int, turns: Mapping[int, int], line: Sequence[int]) -> None:

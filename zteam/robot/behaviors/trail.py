@@ -13,7 +13,7 @@ from zteam.kernels.polylines import LeaderTrail, Polyline
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.escape import AGAIN, Escape
-from zteam.robot.behaviors.evasion import Around, Head, MakingRoom, back_up, find_stopped
+from zteam.robot.behaviors.evasion import Around, Head, MakingRoom, back_up
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,
@@ -59,7 +59,7 @@ def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
 
 def places_of(view: View, robots: Sequence[int]) -> list[Point2]:
     """Where those are in map that are seen."""
-    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in robots)
+    seen = (see_robot(view, robot)[0] for robot in robots)
     return [each.pose[:2] for each in seen if each is not None]
 
 
@@ -225,34 +225,33 @@ class Trail:
         self, view: View, own: Pose2, role: LineRole, gap: float, stale_after: float, limits: SpeedLimits
     ) -> tuple[Twist, str]:
         """The velocity of a robot at `own` (map) behind the robots `role.before`, and why it is zero."""
-        before = role.before
-        head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
-        ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
+        before, trail, length = role.before, self._trail, gap * len(role.before)
+        head, reason = see_robot(view, before[-1], stale_after)
+        ahead = head if len(before) == 1 else see_robot(view, before[0])[0]
         if head is None or ahead is None:
             self.rest()
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
-        self._update(view, before, head, own, gap)
+        self._update(view, before, head, own, length)
         self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
-        if self._is_far_behind(gap * len(before)):
-            self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
+        if self._is_far_behind(length):
+            self._place = after_loop(trail.path, self._place, own, ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (role.may_turn and self._has_place)
-        trail = self._trail
         age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
-        error = trail.place + trail.speed * age - gap * len(before) - self._place
+        error = trail.place + trail.speed * age - length - self._place
         is_late, speed = error > LAGS, self._speed(own, ahead.pose, error)
         self._has_place = self._has_place or not is_late
         passed = role.gone
         if is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, role.after)}
         # One that is in the way of a robot behind it does not wait for that.
-        stopped = find_stopped(view)
-        goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
+        goes_on = role.behind in passed or not role.stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        command, does = self._making_room.step(
-            view, own, role, gap * len(before), limits, stopped, keeps=alone, driven_on=self.ahead.driven_on,
-        )  # fmt: skip
+        command, does, self._making_room.asking = None, "", self._making_room.asking if alone else None
+        if alone:
+            on = self.ahead.driven_on
+            command, does = self._making_room.step(view, role, head.pose, length, limits, driven_on=on)
         if does:
             behind = [own.locate(*trail.path.point(self._place - LEAD))]
             return command or self._escape.free(view, back_up(own, trail.path, self._place), behind), does
@@ -275,18 +274,18 @@ class Trail:
 
     def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
         """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
-        self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
+        self._is_parked = error < (LEFT if self._is_parked else PARKED) and self._trail.stands
         speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
-        if own.inverse().compose(ahead).x > 0.0:
+        if own.locate(ahead.x, ahead.y)[0] > 0.0:
             speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
         return speed if speed >= CREEP else 0.0
 
-    def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
+    def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, length: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, stamp = self._trail, head.stamp or view.now
         if before[-1] != self._leads or trail.is_far(head.pose):
-            way = self._way_to(view, before, head.pose, gap)
-        elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
+            way = self._way_to(view, before, head.pose, length)
+        elif self._is_far_behind(length) and self._is_far_behind(length_in_sight(view, before, own)):
             way = places_of(view, before[:-1])
         else:
             trail.add(head.pose, stamp, trail.place - self._place + KEPT)
@@ -294,10 +293,9 @@ class Trail:
         trail.begin(own, way, head.pose, stamp)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
 
-    def _way_to(self, view: View, before: Sequence[int], head: Pose2, gap: float) -> list[Point2]:
+    def _way_to(self, view: View, before: Sequence[int], head: Pose2, length: float) -> list[Point2]:
         """The way to a new head: back over the own one if it stands there, else over the places of those between."""
         # The own way may have crossed itself: the head stands on the newest part of it.
-        length = gap * len(before)
         low, high = self.own_way.end - 1.3 * length - JUMP, self.own_way.end - 0.5 * length
         place, off = self.own_way.near(head, low, high) if high > self.own_way.start else (0.0, math.inf)
         return way_back(self.own_way, place) if off < JUMP else places_of(view, before[:-1])
@@ -379,9 +377,8 @@ def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
 
 def find_silent(view: View, role: LineRole) -> int | None:
     """A robot of the line that is silent, or a neighbour or head whose pose is old; None without one."""
-    for robot in (*role.before, *role.after):
-        if robot in view.silent:
-            return robot
+    if view.silent and (silent := [robot for robot in (*role.before, *role.after) if robot in view.silent]):
+        return silent[0]
     for robot in {*role.before[:1], *role.before[-1:], *role.after[:1]}:
         seen = view.base_from_robot(robot)
         if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):

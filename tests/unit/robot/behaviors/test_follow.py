@@ -17,14 +17,14 @@ NOW = 100 * TICK
 
 
 def seeing(leader: Pose2 | None, age: float = 0.0, own_age: float = 0.0) -> View:
-    """Robot 1's view with a free scan, its own pose and, unless None, robot 0 at `leader` in its own base frame."""
+    """Robot 1's view with a free scan, its own pose, the origin, and robot 0 at `leader` unless that is None."""
 
     def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
         if (target, source) == ("map", "robot_1/base_footprint"):
             return Pose2(0.0, 0.0, 0.0), NOW - round(own_age * 1e9)
         if source == "robot_0/base_laser_link":
             return None
-        assert (target, source) == ("robot_1/base_footprint", "robot_0/base_footprint")
+        assert source == "robot_0/base_footprint"
         return (leader, NOW - round(age * 1e9)) if leader else None
 
     return make_view(make_scan([30.0] * 271, NOW), now=NOW, robot_id=1, lookup=lookup)

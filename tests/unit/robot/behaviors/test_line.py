@@ -28,10 +28,10 @@ from zteam.testing import make_view
 def test_a_place_counts_if_it_is_known_for_certain(found: Any, reason: str) -> None:
     """It is there, fresh and a number; a stamp of 0 has no age. No robot is its own leader."""
     view = msgspec.structs.replace(view_of(now=1_000_000_000, robot_id=1), lookup=lambda _target, _source: found)
-    seen, why = see_robot(view, 0, "map", 0.5)
+    seen, why = see_robot(view, 0, 0.5)
     assert why == reason
     assert (seen is None) is bool(reason)
-    assert see_robot(view, 1, "map", 0.5) == (None, "it cannot follow itself")
+    assert see_robot(view, 1, 0.5) == (None, "it cannot follow itself")
 
 
 LINE = {0: None, 1: 0, 2: 1, 3: 2}
@@ -85,11 +85,11 @@ def test_what_a_robot_tells_out_of_turn_turns_nothing(robot: int, turns: int, nu
     """Only the robot that leads hands over, and by one turn, whatever number it tells."""
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=turns, gap=0.8) for each in LINE}
     own = {0: 1, 1: 2, 2: 1, 3: 2}[robot]
-    line, view = Line(), make_view(robot_id=own, inputs={"statuses": told})
-    line.find_role(view, own - 1)
-    told[robot] = RobotStatus(robot_id=robot, leader=robot - 1, turns=number, gap=0.8)
+    line = Line()
+    line.find_role(make_view(robot_id=own, inputs={"statuses": told}), own - 1)
+    told = told | {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=number, gap=0.8)}
     for _ in range(3):
-        line.find_role(view, own - 1)
+        line.find_role(make_view(robot_id=own, inputs={"statuses": told}), own - 1)
     leads = robot == (3 if turns else 0)
     assert line.turns == turns + (leads and 0 < number - turns < 2**30)
 

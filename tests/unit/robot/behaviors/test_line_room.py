@@ -10,10 +10,9 @@ from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.robot.behaviors.evasion import (
     MakingRoom,
     back_up,
-    find_stopped,
     is_too_near,
 )
-from zteam.robot.behaviors.line import LineRole
+from zteam.robot.behaviors.line import Line, LineRole
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
 from zteam.testing import make_view
@@ -56,8 +55,8 @@ def step(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
-    own, place = Pose2(x, 0.0, 0.0), LineRole((0,))
-    command, does = room.step(view, own, place, GAP, LIMITS, find_stopped(view), keeps=True, driven_on=driven_on)
+    own, role = Pose2(x, 0.0, 0.0), Line().find_role(view, 0)
+    command, does = room.step(view, role, own.compose(head), GAP, LIMITS, driven_on=driven_on)
     return (command or back_up(own, WAY, 5.0 + x), does) if does else None
 
 
