@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.kernels import escape as kernels
-from zteam.messages import Twist, Vector3
+from zteam.messages import Point, Twist, Vector3
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import outline_of
 from zteam.robot.view import View, beams_of
@@ -187,7 +187,8 @@ class Escape:
 
     def makes_room(self, view: View, *, counts: bool) -> bool:
         """Whether the robot leaves a place where it has stood for long. A reason to stand stops its clock."""
-        at = (0.0, 0.0) if view.odom is None else pose2_of(view.odom.pose.pose)[:2]
+        place = Point() if view.odom is None else view.odom.pose.pose.position
+        at = place.x, place.y
         if math.dist(at, self._stood[0]) > KNOT:
             self._stood = at, view.now
         elif not counts:

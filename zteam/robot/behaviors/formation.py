@@ -7,7 +7,7 @@ get out of a dead end, the last one first.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
@@ -283,6 +283,10 @@ class Formation(LineMember):
         """How many robots were before it in the file."""
         self._row = Row()
         self._makes_way = self._is_parked = False
+        self._told: Set[int] = frozenset()
+        """The other robots that form it, as found by what follows."""
+        self._statuses: object = self
+        self._found_by: tuple[object, ...] = ()
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
@@ -363,13 +367,15 @@ class Formation(LineMember):
     def _make_way(self, view: View, here: Pose2, leader: Pose2) -> Point2 | None:
         """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
         is_boxed = self._boxed_in.look(view.now, leader)
+        if not (is_boxed or self._makes_way):
+            return None
         x, y, yaw = leader.inverse().compose(here)
         apart, at = math.hypot(x, y), here.inverse().compose(leader)
         if is_boxed:
             nearer = sum(math.dist(at[:2], mate.pose[:2]) < apart - MOVED for mate in view.teammates) - 1
             self._makes_way = apart < ROOM + BESIDE * max(0, nearer)
         else:
-            self._makes_way = self._makes_way and x > 0.0 and abs(y) < BESIDE and apart < 2.0 * ROOM
+            self._makes_way = x > 0.0 and abs(y) < BESIDE and apart < 2.0 * ROOM
         if not self._makes_way:
             return None
         away = (math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)) - yaw
@@ -382,7 +388,19 @@ class Formation(LineMember):
 
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""
-        statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        statuses: Mapping[int, Any] | None = view.inputs.get("statuses")
+        found_by = self.leader, self._leads, self.params.team
+        if statuses is not self._statuses or found_by != self._found_by:
+            self._statuses, self._found_by, self._told = statuses, found_by, self._find_told(view, statuses or {})
+        found = {
+            robot: pose
+            for robot, pose, age, _base in view.teammates
+            if robot in self._told and (robot in view.team or not view.team) and age < STALE_AFTER
+        }
+        return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
+
+    def _find_told(self, view: View, statuses: Mapping[int, Any]) -> Set[int]:
+        """The other robots that form it, as they say or as `team` says."""
         # The robots of a file get into it one after the other, and all are members meanwhile.
         leaders = {
             robot: status.leader
@@ -395,12 +413,7 @@ class Formation(LineMember):
             if status.behavior == "formation"
             and self._leads in chain_from(robot, {**leaders, view.robot_id: self.leader, robot: status.leader})
         ]
-        found = {
-            robot: pose
-            for robot, pose, age, _base in view.teammates
-            if robot in told and robot != self._leads and (robot in view.team or not view.team) and age < STALE_AFTER
-        }
-        return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
+        return {*told} - {self._leads}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
         params, period = self.params, view.now // _PERIOD
