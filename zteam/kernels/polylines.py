@@ -92,10 +92,8 @@ class LeaderTrail:
     def __init__(self) -> None:
         self._trail, self._found = ffi.new("trail *"), ffi.new("double[3]")
         self._read = ffi.buffer(self._found)
-        self.leader: Pose = 0.0, 0.0, 0.0
-        """The newest pose in map."""
         self.stamp = 0
-        """Of that pose, ns."""
+        """Of the leader's newest pose, ns."""
         self.place = 0.0
         """Where the leader is on its trail, as far as can be told."""
         self.speed = 0.0
@@ -104,6 +102,8 @@ class LeaderTrail:
 
     def forget(self) -> None:
         """Begin anew with the next pose."""
+        self.leader: Pose = math.inf, math.inf, 0.0
+        """Its newest pose in map; infinitely far without one."""
         self.path = Polyline()
         """The trail up to a little behind the leader."""
         self._trail.path = self.path.line
@@ -115,11 +115,14 @@ class LeaderTrail:
 
     def is_far(self, leader: Pose) -> bool:
         """Whether the leader cannot have driven to this pose from the last one: it was set down there."""
-        return not len(self.path) or math.dist(leader[:2], self.leader[:2]) > JUMP
+        return math.dist(leader[:2], self.leader[:2]) > JUMP
 
     def begin(self, first: Pose, way: Iterable[Point], leader: Pose, stamp: int) -> None:
         """Begin anew with a way from `first` to this pose of the leader, of time `stamp` (ns)."""
         path, trail = Polyline([first[:2], *way, leader[:2]]), self._trail
+        if not len(path):
+            self.forget()
+            return
         self.path, trail.path, trail.first, trail.leader = path, path.line, first, leader
         lib.begin_trail(trail)
         self.leader, self.stamp, self.place, self.speed = leader, stamp, path.end, 0.0

@@ -213,8 +213,8 @@ BESIDE = 0.4
 """Metres beside each other up to which two robots that come towards each other cannot pass."""
 BACK_SPEED = 0.2
 """m/s at which it drives back."""
-PATIENCE, MOVED, TURNED, FREED = to_ns(2.5), 0.1, 1.0, 0.5
-"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians;
+PATIENCE, MOVED, TURNED, FREED = to_ns(2.5), 0.1, math.cos(1.0), 0.5
+"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned (cosine of the angle);
 until it has moved so many metres."""
 ROOM = 1.6
 """Metres from base to base that it then gets."""
@@ -236,7 +236,7 @@ class BoxedIn:
         """Whether it is boxed in, at `leader` in map at time `now` (ns)."""
         if not self._since or math.dist(leader[:2], self._leader[:2]) > (FREED if self._is_boxed else MOVED):
             self._leader, self._since, self._has_turned = leader, now, False
-        self._has_turned = self._has_turned or abs(normalize_angle(leader.yaw - self._leader.yaw)) > TURNED
+        self._has_turned = self._has_turned or math.cos(leader.yaw - self._leader.yaw) < TURNED
         self._is_boxed = self._has_turned and now - self._since > PATIENCE
         return self._is_boxed
 

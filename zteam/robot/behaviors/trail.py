@@ -87,7 +87,7 @@ def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequen
 
 def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
     """Whether one of these robots is on the path, a little ahead of `place`."""
-    for mate in view.teammates if robots else ():
+    for mate in view.teammates:
         if mate.robot_id in robots and math.hypot(*mate.pose[:2]) < LOOK_ON:
             off = path.near(own.compose(mate.pose), place, place + LOOK_ON)[1]
             if off < view.base.half_width + mate.base.radius + BODY:
@@ -183,7 +183,8 @@ class Trail:
         self._trail = LeaderTrail()
         self._leads: int | None = None
         """Whose way it is."""
-        self._place = 0.0
+        self._place = self._off = 0.0
+        """Where it is on the trail, and metres beside that."""
         self.own_way = Polyline()
         """The robot's own way."""
         self._noted: Point2 = (math.inf, math.inf)
@@ -235,7 +236,7 @@ class Trail:
         self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
         if self._is_far_behind(length):
-            self._place = after_loop(trail.path, self._place, own, ahead.pose)
+            self._place, self._off = after_loop(trail.path, self._place, self._off, own, ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (role.may_turn and self._has_place)
         age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
@@ -331,12 +332,12 @@ class Trail:
     def _find_place(self, view: View, own: Pose2) -> None:
         """Where it is on the trail. Where a wall parts it from that, the trail begins anew."""
         path = self._trail.path
-        self._place, off = path.near(own, self._place - BACK, self._place + AHEAD)
-        if off > OFF:
-            self._place, off = path.near(own)
+        self._place, self._off = path.near(own, self._place - BACK, self._place + AHEAD)
+        if self._off > OFF:
+            self._place, self._off = path.near(own)
             if self._left is not None and is_walled_off(view, own, path.point(self._place)):
-                self._place, off = self._go_back(own, *self._left), 0.0
-        if self._place >= self._known and off < OFF:
+                self._place, self._off = self._go_back(own, *self._left), 0.0
+        if self._place >= self._known and self._off < OFF:
             self._left = self._place, self.own_way.end
 
     def _go_back(self, own: Pose2, left: float, left_at: float) -> float:
@@ -352,8 +353,8 @@ class Trail:
     ) -> Twist:
         """Along the trail; past these robots where they are on it, and to the trail from elsewhere."""
         path, here = self._trail.path, self._place
-        beyond = here + LOOK_ON if is_blocked(view, own, path, here, passed) else here
-        if speed > 0.0 and (beyond > here or math.dist(own[:2], path.point(here)) > OFF):
+        beyond = here + LOOK_ON if passed and is_blocked(view, own, path, here, passed) else here
+        if speed > 0.0 and (beyond > here or self._off > OFF):
             x, y = own.locate(*path.point(beyond + LOOK_AHEAD))
             return self._around.drive_to(view, x, y, limits, ahead)
         return pursue(own, path, here, speed, limits)
@@ -368,11 +369,12 @@ def way_back(way: Polyline, place: float) -> list[Point2]:
     return back
 
 
-def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
-    """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
-    there, off = path.near(own, here + AHEAD, path.end)
-    comes_back = there > here + AHEAD and off < ASIDE and path.near(ahead, here, there)[1] > OFF
-    return there if comes_back else here
+def after_loop(path: Polyline, here: float, off: float, own: Pose2, ahead: Pose2) -> tuple[float, float]:
+    """Where the path comes back to the robot, which is `off` metres from its place `here`, and the metres from there;
+    its place where it does not, or the robot ahead is on the way there."""
+    there, aside = path.near(own, here + AHEAD, path.end)
+    comes_back = there > here + AHEAD and aside < ASIDE and path.near(ahead, here, there)[1] > OFF
+    return (there, aside) if comes_back else (here, off)
 
 
 def find_silent(view: View, role: LineRole) -> int | None:
