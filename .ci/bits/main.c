@@ -231,6 +231,30 @@ static void escape(void)
     tell("escape");
 }
 
+/* A leader drives drawn arcs, is and is seen with drawn errors. */
+static void draw_trail(void)
+{
+    static polyline path;
+    static trail led = {.path = &path};
+    double pose[3] = {0.0, 0.0, 0.5}, cosine, sine, found[3];
+    append_point(&path, pose[0], pose[1]);
+    begin_trail(&led);
+    for (int i = 0; i < 2000; i++) {
+        const double step = drawn(-0.02, 0.08);
+        pose[2] += i % 90 < 60 ? 0.02 : -0.06;
+        cosine_sine(pose[2], &cosine, &sine);
+        pose[0] += step * cosine, pose[1] += step * sine;
+        extend_trail(&led, pose[0] + drawn(-0.01, 0.01), pose[1] + drawn(-0.01, 0.01), pose[2], 0.1, 8.0);
+        const double place = drawn(path.start - 1.0, led.place + 1.0), curvature = trail_curvature(&led, place);
+        find_trail_pose(&led, place, drawn(-1.0, 1.0), found);
+        add(&curvature, sizeof curvature), add(found, sizeof found);
+        find_nearest(&path, drawn(-5.0, 5.0), drawn(-5.0, 5.0), place - 3.0, place, found);
+        add(found, 2 * sizeof *found);
+    }
+    free_points(&path);
+    tell("trail");
+}
+
 int main(void)
 {
     fill_map();
@@ -241,5 +265,6 @@ int main(void)
     localise();
     look();
     escape();
+    draw_trail();
     return 0;
 }

@@ -232,6 +232,10 @@ class BoxedIn:
         """Where it has got on last, and when (ns)."""
         self._has_turned = self._is_boxed = False
 
+    def rest(self) -> None:
+        """Until now it was no reason that it did not get on."""
+        self._since = 0
+
     def look(self, now: int, leader: Pose2) -> bool:
         """Whether it is boxed in, at `leader` in map at time `now` (ns)."""
         if not self._since or math.dist(leader[:2], self._leader[:2]) > (FREED if self._is_boxed else MOVED):
@@ -255,7 +259,8 @@ class MakingRoom:
     def rest(self) -> None:
         """What stands in its way does so from now on."""
         self._escape.rest()
-        self._faced_since, self._boxed_in = None, BoxedIn()
+        self._faced_since = None
+        self._boxed_in.rest()
 
     def step(
         self, view: View, role: LineRole, head: Pose2, back: float, limits: SpeedLimits, *, driven_on: float = 0.0

@@ -301,7 +301,8 @@ class Formation(LineMember):
         """See Behavior: neither it nor its leader is boxed in because it stood."""
         super().on_release()
         self._escape.rest()
-        self._boxed_in, self._makes_way = BoxedIn(), False
+        self._boxed_in.rest()
+        self._makes_way = False
 
     @property
     def _may_turn(self) -> bool:
