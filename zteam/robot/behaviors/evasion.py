@@ -287,20 +287,21 @@ class MakingRoom:
 
         And where those of the robots before it are that may do so, in the own base frame.
         """
-        first, last = role.before[0], role.before[-1]
-        asked = {first, last, self.asking, *role.stopped}
-        found = [(robot, view.base_from_robot(robot)) for robot in role.before if robot in asked]
-        seen = {robot: at[0] for robot, at in found if at is not None}
-        is_boxed = last in seen and self._boxed_in.look(view.now, head)
-        if driven_on and first in seen:
-            x, y, yaw = seen[first]
-            seen[first] = Pose2(x + driven_on, y, yaw)
-        for robot, at in seen.items():
-            near = ROOM if is_boxed and robot == last else MET if robot == self.asking else 0.0
+        first, last, asks, seen = role.before[0], role.before[-1], None, {}
+        for robot in role.before:
+            known = robot in (first, last, self.asking) or robot in role.stopped
+            found = view.base_from_robot(robot) if known else None
+            if found is None:
+                continue
+            at = seen[robot] = found[0]
+            if driven_on and robot == first:
+                at = seen[robot] = Pose2(at.x + driven_on, at.y, at.yaw)
+            is_boxed = robot == last and self._boxed_in.look(view.now, head)
+            near = ROOM if is_boxed else MET if robot == self.asking else 0.0
             is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == first and is_too_near(at)))
-            if robot in role.stopped or is_near:
-                return robot, seen
-        return None, seen
+            if asks is None and (robot in role.stopped or is_near):
+                asks = robot
+        return asks, seen
 
     def _go_round(self, view: View, head: Pose2 | None, back: float, limits: SpeedLimits) -> Twist | None:
         """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""

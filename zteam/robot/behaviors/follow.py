@@ -75,10 +75,11 @@ class Follow(LineMember):
         """Follow the robot that `params` names, by the law that they name."""
         self.leader, self.follows = self.params.leader, self.params.leader
         self.gap, self._successor = self.params.gap, None
+        self._limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
 
     @property
     def _may_turn(self) -> bool:
-        return super()._may_turn and self.params.law == "trail"
+        return self.params.hand_over and self.params.law == "trail"
 
     def on_release(self) -> None:
         super().on_release()
@@ -89,8 +90,8 @@ class Follow(LineMember):
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params
         role = self._find_role(view, params.leader, params.on_leader_lost)
-        limits, before = SpeedLimits(params.max_linear, params.max_angular), self.follows
-        command = self._drive_in_line(view, role, limits, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+        before, speed = self.follows, min(HEAD_SPEED, params.max_linear)
+        command = self._drive_in_line(view, role, self._limits, speed, HEAD_TURN_RATE)
         if self.follows != before:
             log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
         return command
