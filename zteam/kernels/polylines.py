@@ -10,6 +10,8 @@ Point = tuple[float, float]
 Pose = tuple[float, float, float]
 """x, y, yaw."""
 _read_two, _read_three = Struct("2d").unpack_from, Struct("3d").unpack_from
+SAME, BACK_STEP = 0.25, 0.1
+"""Metres between two points at which a way is at the same place again, and between two points of the way back."""
 JUMP = 1.0
 """Metres in one step after which the leader has not driven but was moved."""
 NO_POINT = "a path without a point has no place"
@@ -76,9 +78,13 @@ class Polyline:
             raise IndexError(NO_POINT)
         return _read_two(self._read)
 
-    def first_beside(self, point: Point, within: float, low: float, high: float) -> float:
-        """The first of its points from `low` to `high` that is less than `within` from this one; `high` without any."""
-        return lib.find_beside(self.line, *point, within, low, high)  # type: ignore[no-any-return]
+    def way_back(self, place: float) -> list[Point]:
+        """From its end back to a place on it, without what it went twice."""
+        back, at = [self.point(self.end)], self.end
+        while at > place:
+            at = lib.find_beside(self.line, *back[-1], SAME, place, at) - BACK_STEP
+            back.append(self.point(at))
+        return back
 
 
 class LeaderTrail:

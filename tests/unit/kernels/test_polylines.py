@@ -89,17 +89,33 @@ def test_a_path_without_a_point_has_no_place() -> None:
     path = Polyline()
     path.drop_before(1.0)
     path.cut_after(-1.0)
-    for find in (lambda: path.at(0.0), lambda: path.point(0.0), lambda: path.near((0.0, 0.0))):
+    for find in (
+        lambda: path.at(0.0),
+        lambda: path.point(0.0),
+        lambda: path.near((0.0, 0.0)),
+        lambda: path.way_back(0),
+    ):
         with pytest.raises(IndexError):
             find()
-    assert path.first_beside((0.0, 0.0), 1.0, 0.0, 2.0) == 2.0
+
+
+def test_the_way_back_leaves_out_what_was_gone_twice() -> None:
+    """From the end over a spur's foot to the place, in steps of 0.1 m; NaN is no place to go back to."""
+    spur = [*range(51), *range(49, 19, -1)]
+    path = Polyline([*((0.1 * i, 0.0) for i in spur), *((2.0, 0.1 * i) for i in range(1, 31))])
+    back = path.way_back(1.0)
+    assert back[0] == (2.0, 3.0)
+    assert back[-1] == pytest.approx((1.0, 0.0), abs=0.1)
+    assert all(x < 2.3 for x, _ in back)
+    assert sum(map(math.dist, back, back[1:])) == pytest.approx(4.0, abs=0.3)
+    assert path.way_back(math.nan) == [(2.0, 3.0)]
 
 
 @given(POINTS, places, places, places)
 def test_places_are_those_of_a_walk_point_by_point(
     points: list[tuple[float, float]], s: float, x: float, y: float
 ) -> None:
-    """With the nearest one of a dense walk, and the first point near one."""
+    """With the nearest one of a dense walk."""
     path, ends = Polyline(points), [0.0]
     ends += accumulate(math.dist(a, b) for a, b in pairwise(points))
     for (a, b), (begin, end) in zip(pairwise(points), pairwise(ends), strict=True):
@@ -112,8 +128,6 @@ def test_places_are_those_of_a_walk_point_by_point(
     place, off = path.near((x, y))
     assert min(walk) - path.end / 200 - 1e-6 <= off <= min(walk) + 1e-6
     assert math.dist((x, y), path.point(place)) == pytest.approx(off, abs=1e-6)
-    close = [end for end, at in zip(ends, points, strict=True) if math.dist(at, (x, y)) < 1.0 and 1.0 <= end < 9.0]
-    assert path.first_beside((x, y), 1.0, 1.0, 9.0) == pytest.approx(close[0] if close else 9.0, abs=1e-6)
 
 
 SPACING = 0.1

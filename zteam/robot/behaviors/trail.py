@@ -105,8 +105,8 @@ def head_comes_round(view: View, role: LineRole) -> bool:
     return apart[0] > max(role.gap + STRETCHED, own + NEAREST) and min(apart) > own
 
 
-SPACING, STEP, SAME = 0.05, 0.1, 0.25
-"""Metres between two points of the own way, and of what becomes a trail of it; and at which it is at the same place."""
+SPACING, STEP = 0.05, 0.1
+"""Metres between two points of the own way, and of the part of an old trail that becomes a new one."""
 KEPT = 30.0
 """Metres of the own way that are kept: a new head stands on it."""
 JUMP = 1.0
@@ -161,14 +161,15 @@ class Ahead:
 
     def see(self, own: Pose2, ahead: Seen, now: int) -> None:
         """It was there; `own`: the robot that follows, in map, at the time `now` (ns)."""
-        before, (x, y, _) = self._seen, ahead.pose
-        self.apart = math.hypot(x - own.x, y - own.y)
-        seconds = (ahead.stamp - before.stamp) / 1e9
+        (x, y, _), before = ahead.pose, self._seen.pose
+        off_x, off_y, moved_x, moved_y = x - own.x, y - own.y, x - before.x, y - before.y
+        self.apart = math.hypot(off_x, off_y)
+        seconds = (ahead.stamp - self._seen.stamp) / 1e9
         if seconds > 0.0:
-            moved = (x - own.x) * (x - before.pose.x) + (y - own.y) * (y - before.pose.y)
+            moved = off_x * moved_x + off_y * moved_y
             self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
             self._steadily += SMOOTHING * (self.leaves - self._steadily)
-            self.moves = math.dist(before.pose[:2], ahead.pose[:2]) > SLOW * seconds
+            self.moves = math.hypot(moved_x, moved_y) > SLOW * seconds
             self._seen = ahead
         self.driven_on = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
 
@@ -299,7 +300,7 @@ class Trail:
         # The own way may have crossed itself: the head stands on the newest part of it.
         low, high = self.own_way.end - 1.3 * length - JUMP, self.own_way.end - 0.5 * length
         place, off = self.own_way.near(head, low, high) if high > self.own_way.start else (0.0, math.inf)
-        return way_back(self.own_way, place) if off < JUMP else places_of(view, before[:-1])
+        return self.own_way.way_back(place) if off < JUMP else places_of(view, before[:-1])
 
     def _is_far_behind(self, length: float) -> bool:
         """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
@@ -344,7 +345,7 @@ class Trail:
         """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""
         trail = self._trail
         on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
-        trail.begin(own, (*way_back(self.own_way, left_at), *on), trail.leader, trail.stamp)
+        trail.begin(own, (*self.own_way.way_back(left_at), *on), trail.leader, trail.stamp)
         self._known = trail.path.start
         return self._known
 
@@ -358,15 +359,6 @@ class Trail:
             x, y = own.locate(*path.point(beyond + LOOK_AHEAD))
             return self._around.drive_to(view, x, y, limits, ahead)
         return pursue(own, path, here, speed, limits)
-
-
-def way_back(way: Polyline, place: float) -> list[Point2]:
-    """From the end of a way back to this place on it, without what it went twice."""
-    back, at = [way.point(way.end)], way.end
-    while at > place:
-        at = min(at, way.first_beside(back[-1], SAME, place, at)) - STEP
-        back.append(way.point(at))
-    return back
 
 
 def after_loop(path: Polyline, here: float, off: float, own: Pose2, ahead: Pose2) -> tuple[float, float]:
