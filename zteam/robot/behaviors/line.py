@@ -8,7 +8,6 @@ not turn the line.
 """
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
@@ -198,7 +197,9 @@ class Line:
         """
         told = {robot: turns[robot] for robot in line if robot != own and turns.get(robot, NO_TURNS) != NO_TURNS}
         if told:
-            agreed, most = min(Counter(told.values()).items(), key=lambda each: (-each[1], each[0]))
+            numbers = [*told.values()]
+            agreed = min({*numbers}, key=lambda number: (-numbers.count(number), number))
+            most = numbers.count(agreed)
             if not self._has_heard or (most > 1 and 2 * most > len(told) and self._ahead(agreed)):
                 self.turns = agreed
             self._has_heard = True

@@ -250,10 +250,13 @@ class Trail:
         # One that is in the way of a robot behind it does not wait for that.
         goes_on = role.behind in passed or not role.stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        command, does, self._making_room.asking = None, "", self._making_room.asking if alone else None
+        command: Twist | None = None
+        does = ""
         if alone:
             on = self.ahead.driven_on
             command, does = self._making_room.step(view, role, head.pose, length, limits, driven_on=on)
+        else:
+            self._making_room.asking = None
         if does:
             behind = [own.locate(*trail.path.point(self._place - LEAD))]
             return command or self._escape.free(view, back_up(own, trail.path, self._place), behind), does
