@@ -255,6 +255,35 @@ static void draw_trail(void)
     tell("trail");
 }
 
+/* Robots are assigned to slots, among walls that a laser sees. */
+static void form(void)
+{
+    enum { BEAMS_SEEN = 90, SLOTS = 12, PLACES = 3 };
+    static double axes[2][BEAMS_SEEN], distances[BEAMS_SEEN], angles[BEAMS_SEEN], costs[SLOTS][SLOTS];
+    double mates[2][2], places[PLACES][4], work[3 * (SLOTS + 1)], least[2];
+    int64_t found[3 * (SLOTS + 1)];
+    const walls seen = {axes[0], distances, BEAMS_SEEN, mates[0], 2, 0.45};
+    for (int round = 0; round < 100; round++) {
+        for (int i = 0; i < BEAMS_SEEN; i++) {
+            angles[i] = 0.05 * (i - BEAMS_SEEN / 2), distances[i] = drawn(0.2, 2.0);
+            cosine_sine(angles[i], &axes[0][i], &axes[1][i]);
+        }
+        for (int i = 0; i < PLACES; i++) {
+            places[i][0] = drawn(-2.0, 2.0), places[i][1] = drawn(-1.0, 1.0);
+            cosine_sine(drawn(-1.0, 1.0), &places[i][2], &places[i][3]);
+        }
+        for (int i = 0; i < 4; i++)
+            mates[i / 2][i % 2] = drawn(-2.0, 2.0);
+        for (int i = 0; i < SLOTS * SLOTS; i++)
+            costs[i / SLOTS][i % SLOTS] = drawn(0.0, 9.0);
+        find_sides(&seen, 1.8, places[0], PLACES, 0.5, 1.5, 1.0, least);
+        const int64_t between = is_between(&seen, angles, 1.5, 1.9, 2.1, 2.6);
+        assign(costs[0], SLOTS, work, found);
+        add(least, sizeof least), add(&between, sizeof between), add(found, sizeof found), add(work, sizeof work);
+    }
+    tell("formations");
+}
+
 int main(void)
 {
     fill_map();
@@ -266,5 +295,6 @@ int main(void)
     look();
     escape();
     draw_trail();
+    form();
     return 0;
 }

@@ -311,4 +311,25 @@ int trail_stands(const trail *t);
 void find_trail_pose(trail *t, double place, double lateral, double *pose);
 double trail_curvature(trail *t, double place);
 
+/* A scan in which some hits are on other robots. */
+typedef struct {
+    const double *axes, *distances; /* (2, beams): cosines and sines; (beams), metres */
+    int64_t beams;
+    const double *mates; /* (count, 2): where they are */
+    int64_t count;
+    double body; /* metres around one within which a hit is that robot */
+} walls;
+
+/* formations.c */
+/* The cheapest assignment of (count, count) costs: the column of each row is written to `found` from count + 1 on. There
+   is room for 3 (count + 1) numbers in both. */
+void assign(const double *costs, int64_t count, double *work, int64_t *found);
+/* How far walls are to the left and to the right of places (count, 4: x, y, cosine and sine), at least, of those that
+   are so far behind to so far ahead of one, within `side` and less than `bound` from the laser; infinite without any. */
+void find_sides(const walls *w, double bound, const double *places, int64_t count, double behind, double ahead,
+                double side, double *least);
+/* Whether the nearest wall and the nearest one `across` radians from it are less than `width` apart in sum, and more
+   than `opposite` radians from each other, or `facing` where the laser looks no further. */
+int is_between(const walls *w, const double *angles, double width, double across, double opposite, double facing);
+
 #endif

@@ -12,11 +12,13 @@ from functools import lru_cache
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.kernels import formations as kernels
 from zteam.kernels.polylines import LeaderTrail
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.escape import Escape
@@ -116,39 +118,7 @@ def share_for_bend(curvature: float, left: float, right: float) -> float:
 
 def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     """The column of each row in the cheapest assignment of a square table of costs: always the same; n³ steps."""
-    count = len(costs)
-    row_prices, column_prices = [0.0] * (count + 1), [0.0] * (count + 1)
-    # Rows and columns count from 1 here; column 0 holds the row that has no column yet.
-    row_of = [0] * (count + 1)
-    for row in range(1, count + 1):
-        row_of[0] = row
-        # The free column at the end of the cheapest chain of changes, and the column before each one in such chains.
-        column, before, slack, is_used = 0, [0] * (count + 1), [math.inf] * (count + 1), [False] * (count + 1)
-        while row_of[column]:
-            is_used[column] = True
-            chosen, least, nearest = row_of[column], math.inf, 0
-            for other in range(1, count + 1):
-                if is_used[other]:
-                    continue
-                cost = costs[chosen - 1][other - 1] - row_prices[chosen] - column_prices[other]
-                if cost < slack[other]:
-                    slack[other], before[other] = cost, column
-                if slack[other] < least:
-                    least, nearest = slack[other], other
-            for other in range(count + 1):
-                if is_used[other]:
-                    row_prices[row_of[other]] += least
-                    column_prices[other] -= least
-                else:
-                    slack[other] -= least
-            column = nearest
-        while column:
-            row_of[column] = row_of[before[column]]
-            column = before[column]
-    columns = [0] * count
-    for column, row in enumerate(row_of[1:]):
-        columns[row - 1] = column
-    return columns
+    return kernels.assign(np.array(costs, float).reshape(len(costs), len(costs)))
 
 
 _PERIOD = 500_000_000

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 
-import numpy as np
-
 from zteam.config.robot_ids import chain_from
 from zteam.geometry import Point2, Pose2
+from zteam.kernels import formations as kernels
 from zteam.messages import LaserScan
 from zteam.robot.view import View, beams_of
 
@@ -35,18 +34,10 @@ def share_for_room(
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
-    hits = beams.find_hits(bound)
-    for x, y in others:
-        hits = hits[:, np.hypot(hits[0] - x, hits[1] - y) > BODY]
-    needed = 0.0
-    for x, y, yaw in places:
-        dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
-        along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        off = across[(along > -BEHIND) & (along < ahead) & (np.abs(across) < side)]
-        for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
-            if reach > 0.0 and offs.size:
-                needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
-    return min(needed, 1.0)
+    rows = [(x, y, math.cos(yaw), math.sin(yaw)) for x, y, yaw in places]
+    offs = kernels.find_sides(beams.axes, beams.distances, others, BODY, bound, rows, (BEHIND, ahead, side))
+    needed = [1.0 - (off - beside) / reach for reach, off in zip((left, right), offs, strict=True) if reach > 0.0]
+    return min(max(0.0, *needed), 1.0)
 
 
 NARROW, ACROSS, OPPOSITE, FACING = 1.5, math.radians(110.0), math.radians(120.0), math.radians(150.0)
@@ -70,18 +61,11 @@ Cell = tuple[int, int]
 def is_narrow(view: View) -> bool:
     """Whether walls are on both sides of the robot."""
     beams = None if view.scan is None else beams_of(view.scan)
-    hits = np.empty((2, 0)) if beams is None else beams.find_hits(NARROW)
-    for mate in view.teammates:
-        hits = hits[:, np.hypot(hits[0] - mate.pose.x, hits[1] - mate.pose.y) > BODY]
-    if not hits.size:
+    if beams is None or beams.nearest >= NARROW:
         return False
-    ranges, bearings = np.hypot(*hits), np.arctan2(hits[1], hits[0])
-    nearest = ranges.argmin()
-    apart = np.abs((bearings - bearings[nearest] + math.pi) % math.tau - math.pi)
-    across = np.where(apart > ACROSS, ranges, math.inf)
-    other = across.argmin()
-    is_last = other in (0, ranges.size - 1)
-    return bool(ranges[nearest] + across[other] < NARROW and apart[other] > (FACING if is_last else OPPOSITE))
+    mates = [mate.pose[:2] for mate in view.teammates]
+    limits = NARROW, ACROSS, OPPOSITE, FACING
+    return kernels.is_between(beams.axes, beams.distances, mates, BODY, beams.angles, limits)
 
 
 class Row:
