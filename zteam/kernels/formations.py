@@ -1,4 +1,4 @@
-"""The kernels of formations (formations.c): who takes which slot, and the walls beside it. As `binding.py` says."""
+"""The kernels of formations (formations.c): the slots of robots, and the walls beside them. See `binding.py`."""
 
 from collections.abc import Sequence
 from typing import Any
