@@ -149,10 +149,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
             return None
         return Pose2(*self._seen[3 * row : 3 * row + 3]), found[1]
 
-    def map_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
-        """Another robot's pose in `map` and its stamp, or None."""
-        return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-
     def random(self, draw: int = 0) -> float:
         """A number in [0, 1): the same for the same seed, robot, time and `draw`, whatever else was drawn."""
         return uniform(self.seed, self.robot_id, self.now, draw)
