@@ -150,6 +150,11 @@ def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
     """The velocity that the behaviour wants, zero on old data, and why it is not what it is for ("" if it is)."""
     if trouble := old_data(behavior, view):
         return Twist(), trouble
+    return ask_for_step(behavior, view)
+
+
+def ask_for_step(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    """As `ask`, where the data is not old."""
     wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step", view.robot_id)
     if behavior.steering is not None and view.base.drive == "car":
         wanted = behavior.steering.drive(view, wanted)

@@ -377,7 +377,7 @@ def find_silent(view: View, role: LineRole) -> int | None:
     if view.silent and (silent := [robot for robot in (*role.before, *role.after) if robot in view.silent]):
         return silent[0]
     for robot in {*role.before[:1], *role.before[-1:], *role.after[:1]}:
-        seen = view.base_from_robot(robot)
+        seen = view.map_from_robot(robot)
         if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):
             return robot
     return None

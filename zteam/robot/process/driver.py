@@ -15,7 +15,7 @@ from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Reason
-from zteam.robot.behaviors.behavior import Behavior, ask, missing, old_data
+from zteam.robot.behaviors.behavior import Behavior, ask_for_step, missing, old_data
 from zteam.robot.behaviors.registry import read_params
 from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 from zteam.robot.parameters import parameters_of, values_of
@@ -146,13 +146,15 @@ class Driver:
             self._rested = True
             self._layer.halt(view)
             return self._note(due, driver, Twist(), STOPPED, logged=False)
-        rests = bool(old_data(self.behavior, view))
+        wanted, reason = Twist(), old_data(self.behavior, view)
+        rests = bool(reason)
         if self._rested and not rests:
             self.behavior.on_release()
         self._rested = rests
-        # In lock-step the next scan waits.
-        asking = partial(ask, self.behavior, view)
-        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
+        if not rests:
+            # In lock-step the next scan waits.
+            asking = partial(ask_for_step, self.behavior, view)
+            wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         if chosen is not None:
             wanted, reason = chosen, ""
         if self._has_layer:
