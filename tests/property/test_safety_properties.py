@@ -26,7 +26,7 @@ from zteam.behaviors import SafetyLayer
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.messages.base import Base
-from zteam.robot.safety.motion import Outline, limits_of, outline_of
+from zteam.robot.safety.motion import BRAKING, TURN_BRAKING, Outline, limits_of, outline_of
 
 Floats = NDArray[np.float64]
 
@@ -70,10 +70,16 @@ def moved(arc: Velocity, seconds: float) -> Pose2:
     return drive(Pose2(0.0, 0.0, 0.0), Twist(Vector3(arc.x, arc.y), Vector3(z=arc.turn)), seconds)
 
 
+def depths_of(outline: Outline, points: Floats) -> Floats:
+    """Metres from points (2, n) to the outline's half-planes, below 0 inside; too little beside a corner."""
+    found: Floats = np.maximum.reduce(outline.rows[:, :2] @ points - outline.rows[:, 2:3])
+    return found
+
+
 def distance(outline: Outline, at: Pose2, x: float, y: float) -> float:
-    """Metres from a point to the outline's half-planes, with the base at a pose."""
+    """The same of one point, with the base at a pose."""
     inside = at.inverse().compose(Pose2(x, y, 0.0))
-    return float(outline.distances(np.array([[inside.x], [inside.y]]))[0])
+    return float(depths_of(outline, np.array([[inside.x], [inside.y]]))[0])
 
 
 def away(outline: Outline, at: Pose2, x: float, y: float) -> float:
@@ -104,7 +110,7 @@ def test_when_a_point_is_met(base: Base, arc: Velocity, seconds: float, x: float
 def test_the_first_of_many_points_counts(base: Base, arc: Velocity, points: list[tuple[float, float]]) -> None:
     """Many points at once are met as the first of them alone, with the margin that the nearest one leaves."""
     outline = outline_of(base.footprint)
-    depths = outline.distances(np.array(points).T)
+    depths = depths_of(outline, np.array(points).T)
     less = min(0.0, float(depths[depths > CLOSEST].min(initial=math.inf)) - margin_of(outline, arc))
     alone = [meeting_time(base, arc, 1.0, np.array([[x], [y]]), less) for x, y in points]
     assert math.isclose(meeting_time(base, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
@@ -159,7 +165,7 @@ def test_no_command_leads_into_what_is_seen(
     command, _ = SafetyLayer().limit(Twist(Vector3(speed), Vector3(z=turn)), view)
     motion = Velocity(command.linear.x, turn=command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
-    seconds = dt + 0.5 * limits_of(base).stop_time(motion)
+    seconds = dt + 0.5 * max(abs(motion.x) / BRAKING, abs(motion.turn) / TURN_BRAKING)
     outline, arc, hits = outline_of(base.footprint), Velocity(*motion), hits_of(scan, LASER)
     depths = [distance(outline, Pose2(0.0, 0.0, 0.0), x, y) for x, y in hits]
     margin = min([margin_of(outline, arc), *(depth for depth in depths if depth > CLOSEST)])
@@ -264,7 +270,7 @@ def distances(outline: Outline, pose: Pose2, points: Floats) -> Floats:
     """Metres from the outline to points (2, n)."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = points[0] - pose.x, points[1] - pose.y
-    return outline.distances(np.array((cos * x + sin * y, cos * y - sin * x)))
+    return depths_of(outline, np.array((cos * x + sin * y, cos * y - sin * x)))
 
 
 def _shows(look: Look, points: Floats) -> bool:

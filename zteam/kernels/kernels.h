@@ -179,7 +179,6 @@ typedef struct {
     int64_t stamp;                     /* ns: when it was there; 0: it never moves */
     double x, y, speed_x, speed_y;     /* in `map`: metres, m/s */
     frame at;                          /* in the base frame */
-    double leaves_x, leaves_y;         /* its speed along the axes of the base */
     double age, bearing;               /* seconds; where it is from the laser */
     uint8_t is_known, explains;        /* whether its pose is; whether it explains beams that say nothing */
 } teammate;
@@ -199,6 +198,7 @@ typedef struct {
     double motion[3];          /* what the base was told to do last */
     double command[3];         /* the same as its command: of a car the angle of the wheels is last */
     double measured[3];        /* odometry's velocity, if the base is faster than it was told to be (is_faster) */
+    double here_yaw;           /* in `map` */
     double reaction, extra;    /* seconds until the next command; metres that are to be free besides the gaps */
     int64_t held;              /* which way the motion went that was stopped last; 0: none */
     int64_t met, side;         /* of the cause: the robot, -1 for an obstacle; 0 ahead, 1 behind, 2 beside */
@@ -231,8 +231,6 @@ int64_t limit(safety_memory *m, const safety_inputs *in, const double *wanted);
 /* What the base makes of a command within its limits of speed (0: it is no number), and the command that makes that. */
 int motion_of(const base_limits *base, const double *wanted, double *motion);
 void command_of(const base_limits *base, const double *motion, double *command);
-/* Seconds that braking along an arc takes. */
-double stop_time(const base_limits *base, double x, double y, double turn);
 /* Seconds until a base on an arc first comes nearer to a point of (2, count) than the margin and clearance; or inf. */
 double meet(const base_limits *base, const double *motion, double seconds, double clearance, const double *points,
             int64_t count);

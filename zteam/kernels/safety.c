@@ -24,10 +24,8 @@
 #define ROUNDING 1e-6
 #define TINY 1e-9          /* what numbers are wrong by */
 #define LEAST 1e-6         /* m/s, rad/s: no base moves so slowly, and a way divided by less would be no number */
-/* m/s², rad/s²: how hard a base without limits is stopped when data is old or a leader is gone. An erratic then stands
-   within 0.4 s, and so within 0.5 s of the loss. */
-#define STOPPING 2.5
-#define TURN_STOPPING 8.0
+#define STOPPING 2.5       /* m/s²: how hard a base without limits is stopped when data is old or a leader is gone */
+#define TURN_STOPPING 8.0  /* rad/s²: an erratic then stands within 0.4 s, and so within 0.5 s of the loss */
 #define FASTER 0.02        /* m/s, rad/s more than commanded that odometry may say for nothing */
 #define STALE 500000000    /* ns after which the word of a beam, or a pose that explains its silence, is too old */
 #define DAZZLE (5.0 * DEGREES) /* to either side of a teammate: its laser dazzles, by 2 degrees in the simulator */
@@ -54,14 +52,8 @@
 enum { FREE, NO_NUMBER, BLIND, UNSEEN, STOPPED };
 enum { AHEAD, BEHIND, BESIDE };
 
-typedef struct {
-    double x, y, turn;
-} velocity;
-
-typedef struct {
-    double x, y;
-} point;
-
+typedef struct { double x, y, turn; } velocity;
+typedef struct { double x, y; } point;
 static const velocity STANDING = {0.0, 0.0, 0.0};
 
 static double larger(double a, double b) { return a > b ? a : b; }
@@ -71,8 +63,8 @@ static double length(double x, double y) { return y != 0.0 ? sqrt(x * x + y * y)
 static double wrap(double angle) { return angle - TAU * rint(angle / TAU); }
 static int is_finite(double number) { return fabs(number) < INFINITY; }
 static double speed_of(velocity v) { return length(v.x, v.y); }
-static int is_standing(velocity v) { return v.x == 0.0 && v.y == 0.0 && v.turn == 0.0; }
 static int are_equal(velocity a, velocity b) { return a.x == b.x && a.y == b.y && a.turn == b.turn; }
+static int is_standing(velocity v) { return are_equal(v, STANDING); }
 static velocity scale(velocity v, double share) { return (velocity){v.x * share, v.y * share, v.turn * share}; }
 
 static frame frame_at(double x, double y, double yaw)
@@ -131,10 +123,11 @@ void command_of(const base_limits *b, const double *motion, double *command)
     }
 }
 
-double stop_time(const base_limits *b, double x, double y, double turn)
+/* Seconds that braking along an arc takes. */
+static double stop_time(const base_limits *b, velocity v)
 {
-    double straight = larger(fabs(x) / b->braking[x < 0.0], fabs(y) / b->aside_braking);
-    return b->is_car ? straight : larger(straight, fabs(turn) / b->turn_braking);
+    double straight = larger(fabs(v.x) / b->braking[v.x < 0.0], fabs(v.y) / b->aside_braking);
+    return b->is_car ? straight : larger(straight, fabs(v.turn) / b->turn_braking);
 }
 
 /* `wanted`, but at most `gain` faster and `loss` slower than `last`; turning round means losing speed first. */
@@ -170,7 +163,7 @@ static velocity approach(const base_limits *b, velocity wanted, velocity last, d
 static velocity brake(const base_limits *b, velocity last, double seconds)
 {
     double straight = speed_of(last) / STOPPING, turning = b->is_car ? 0.0 : fabs(last.turn) / TURN_STOPPING;
-    double longest = b->accelerates ? stop_time(b, last.x, last.y, last.turn) : larger(straight, turning);
+    double longest = b->accelerates ? stop_time(b, last) : larger(straight, turning);
     return longest > seconds ? scale(last, 1.0 - seconds / longest) : STANDING;
 }
 
@@ -196,7 +189,8 @@ typedef struct {
 static double aside_of(const sweep *s, double x, double y)
 {
     velocity v = s->motion;
-    return s->is_straight ? (v.x * y - v.y * x) / speed_of(v) : sqrt((x + v.y / v.turn) * (x + v.y / v.turn) + (y - v.x / v.turn) * (y - v.x / v.turn));
+    double u = x + v.y / v.turn, w = y - v.x / v.turn;
+    return s->is_straight ? (v.x * y - v.y * x) / speed_of(v) : sqrt(u * u + w * w);
 }
 
 static sweep sweep_of(const base_limits *b, velocity v, double seconds, double clearance)
@@ -204,8 +198,8 @@ static sweep sweep_of(const base_limits *b, velocity v, double seconds, double c
     double speed = speed_of(v), fastest = speed + fabs(v.turn) * b->radius;
     double margin = SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (fastest > 0.0 ? speed / fastest : 0.0) + clearance;
     frame middle = move_on(v, 0.5 * seconds);
-    sweep s = {b, v, seconds, margin, middle.x, middle.y, 0.5 * speed * seconds + b->radius + margin, INFINITY, -INFINITY,
-               fabs(v.turn * seconds) < STRAIGHT};
+    sweep s = {b, v, seconds, margin, middle.x, middle.y, 0.5 * speed * seconds + b->radius + margin,
+               INFINITY, -INFINITY, fabs(v.turn * seconds) < STRAIGHT};
     for (const double *corner = b->corners; corner < b->corners + 2 * b->tips; corner += 2) {
         s.inner = smaller(s.inner, aside_of(&s, corner[0], corner[1]));
         s.outer = larger(s.outer, aside_of(&s, corner[0], corner[1]));
@@ -266,7 +260,9 @@ static double meet_copies(const sweep *s, const cloud *points, double count, dou
     double margin = s->margin, apart = 1.42 * margin + TINY, first = INFINITY;
     for (int is_second = 0; is_second < 2; is_second++)
         for (double copy = 0.0; copy < count; copy++) {
-            const frame at = {points->at.x + copy * step_x, points->at.y + copy * step_y, points->at.cosine, points->at.sine};
+            frame at = points->at;
+            at.x += copy * step_x;
+            at.y += copy * step_y;
             for (int64_t i = 0; i < points->count; i++) {
                 point p = from_frame(at, points->x[i], points->y[i]);
                 double dx = p.x - s->x, dy = p.y - s->y;
@@ -293,16 +289,11 @@ static double meet_copies(const sweep *s, const cloud *points, double count, dou
     return first <= s->seconds ? first : INFINITY;
 }
 
-static cloud cloud_of(const double *points, int64_t stride, int64_t count, frame at)
-{
-    return (cloud){points, points + stride, count, at};
-}
-
 double meet(const base_limits *b, const double *motion, double seconds, double clearance, const double *points,
             int64_t count)
 {
     sweep s = sweep_of(b, (velocity){motion[0], motion[1], motion[2]}, seconds, clearance);
-    cloud all = cloud_of(points, count, count, frame_at(0.0, 0.0, 0.0));
+    cloud all = {points, points + count, count, frame_at(0.0, 0.0, 0.0)};
     return meet_copies(&s, &all, 1.0, 0.0, 0.0);
 }
 
@@ -315,13 +306,13 @@ static double share_of(double free, double braking, double reaction, double fast
     return share * fastest >= SLOWEST ? share : 0.0;
 }
 
-/* The share of its speed at which it can stop before these points: `gap` before them, as far as it drives and not turns,
-   and beside its way the margin and `clearance`. */
+/* The share of its speed at which it can stop before these points: `gap` before them, as far as it drives and not
+   turns, and beside its way the margin and `clearance`. */
 static double admissible(const safety_memory *m, velocity v, double gap, double clearance, const cloud *points,
                          double count, double step_x, double step_y)
 {
     double speed = speed_of(v), fastest = speed + fabs(v.turn) * m->base->radius;
-    double braking = stop_time(m->base, v.x, v.y, v.turn), kept = speed / (fastest * fastest) * gap + m->extra / fastest;
+    double braking = stop_time(m->base, v), kept = speed / (fastest * fastest) * gap + m->extra / fastest;
     sweep s = sweep_of(m->base, v, m->reaction + 0.5 * braking + kept, clearance);
     return share_of(meet_copies(&s, points, count, step_x, step_y) - kept, braking, m->reaction, fastest);
 }
@@ -332,6 +323,7 @@ static void look_at_mates(safety_memory *m, const safety_inputs *in)
 {
     const double *here = in->own_row < 0 ? NULL : in->poses + 4 * in->own_row;
     int is_here = here && is_finite(here[0] + here[1] + here[2]);
+    m->here_yaw = is_here ? here[2] : 0.0;
     for (teammate *t = m->mates; t < m->mates + m->mate_count; t++) {
         const double *pose = in->poses + 4 * t->row;
         int64_t stamp = (int64_t)pose[3], ahead = stamp ? stamp - in->now : 0;
@@ -342,20 +334,17 @@ static void look_at_mates(safety_memory *m, const safety_inputs *in)
         if (!t->is_known)
             continue;
         if (!goes_on || seconds > 0.0) {
-            double speed_x = goes_on ? (pose[0] - t->x) / seconds : 0.0, speed_y = goes_on ? (pose[1] - t->y) / seconds : 0.0;
-            int is_set_down = sqrt(speed_x * speed_x + speed_y * speed_y) > t->base->too_fast;
-            t->speed_x = is_set_down ? 0.0 : speed_x;
-            t->speed_y = is_set_down ? 0.0 : speed_y;
+            t->speed_x = goes_on ? (pose[0] - t->x) / seconds : 0.0;
+            t->speed_y = goes_on ? (pose[1] - t->y) / seconds : 0.0;
+            if (sqrt(t->speed_x * t->speed_x + t->speed_y * t->speed_y) > t->base->too_fast)
+                t->speed_x = t->speed_y = 0.0;
         }
         t->x = pose[0];
         t->y = pose[1];
         t->stamp = stamp;
         t->age = larger(0.0, age);
-        point at = to_frame(frame_at(here[0], here[1], here[2]), pose[0], pose[1]), leaves;
+        point at = to_frame(frame_at(here[0], here[1], here[2]), pose[0], pose[1]);
         t->at = frame_at(at.x, at.y, pose[2] - here[2]);
-        leaves = to_frame(frame_at(0.0, 0.0, here[2]), t->speed_x, t->speed_y);
-        t->leaves_x = leaves.x;
-        t->leaves_y = leaves.y;
         t->bearing = angle_of(at.x - m->laser_x, at.y - m->laser_y);
     }
 }
@@ -366,18 +355,19 @@ static double share_before(const safety_memory *m, const teammate *t, velocity v
     double speed = sqrt(t->speed_x * t->speed_x + t->speed_y * t->speed_y), radius = t->base->radius;
     double way = speed * (t->age + m->reaction + 0.5 * speed / t->base->least_braking);
     double growth = t->age <= GRACE ? 0.0 : smaller(MAX_GROWTH, (t->age - GRACE) * larger(speed, GROWTH));
-    cloud border = cloud_of(t->base->border, t->base->edge, t->base->edge, t->at);
-    double away = length(t->at.x, t->at.y), braking = stop_time(m->base, v.x, v.y, v.turn);
+    cloud border = {t->base->border, t->base->border + t->base->edge, t->base->edge, t->at};
+    point leaves = to_frame(frame_at(0.0, 0.0, m->here_yaw), t->speed_x, t->speed_y);
+    double away = length(t->at.x, t->at.y), braking = stop_time(m->base, v);
     /* No arc leads further. */
-    double reach = (m->reaction + braking) * speed_of(v) + TEAMMATE_GAP + m->extra + 2.0 * (m->base->radius + DRIVE_MARGIN);
+    double reach = (m->reaction + braking) * speed_of(v) + TEAMMATE_GAP + m->extra + 2.0 * m->base->radius + 0.1;
     if (away > reach + radius + way + growth)
         return 1.0;
-    if (t->leaves_x * t->at.x + t->leaves_y * t->at.y > RECEDES * away)
+    if (leaves.x * t->at.x + leaves.y * t->at.y > RECEDES * away)
         /* It comes no nearer, should it stop at once. */
         return admissible(m, v, FOLLOWING_GAP, growth, &border, 1.0, 0.0, 0.0);
     way = smaller(way, away + reach + radius);
     double count = smaller(ceil(way / APART), MOST_OUTLINES), step = count > 0.0 ? way / count / speed : 0.0;
-    return admissible(m, v, TEAMMATE_GAP, growth, &border, count + 1.0, t->leaves_x * step, t->leaves_y * step);
+    return admissible(m, v, TEAMMATE_GAP, growth, &border, count + 1.0, leaves.x * step, leaves.y * step);
 }
 
 /* What stands around */
@@ -406,13 +396,14 @@ static void move(safety_memory *m, const double *odom, double reach)
 {
     if (odom && !is_finite(odom[0] + odom[1] + odom[2]))
         return;
-    double dx = odom ? odom[0] - m->pose[0] : 0.0, dy = odom ? odom[1] - m->pose[1] : 0.0, way = sqrt(dx * dx + dy * dy);
+    point by = {odom ? odom[0] - m->pose[0] : 0.0, odom ? odom[1] - m->pose[1] : 0.0};
+    double way = sqrt(by.x * by.x + by.y * by.y);
     if (!m->has_pose || !odom || way > reach) {
         /* It was set down here, or it is not known where the points are now. */
         forget(m);
         m->has_pose = odom != NULL;
     } else if (memcmp(odom, m->pose, sizeof m->pose)) {
-        point at = to_frame(frame_at(0.0, 0.0, m->pose[2]), dx, dy);
+        point at = to_frame(frame_at(0.0, 0.0, m->pose[2]), by.x, by.y);
         double turn = wrap(odom[2] - m->pose[2]), *x = m->known, *y = m->known + m->room;
         frame now = frame_at(at.x, at.y, turn), half = frame_at(0.0, 0.0, 0.5 * turn);
         for (int64_t i = 0; i < m->count; i++) {
@@ -421,7 +412,8 @@ static void move(safety_memory *m, const double *odom, double reach)
             y[i] = p.y;
         }
         m->travelled += way;
-        m->backing = half.cosine * at.x + half.sine * at.y > 0.9 * way ? smaller(SPAN, m->backing + way) : m->backing - way;
+        int forwards = half.cosine * at.x + half.sine * at.y > 0.9 * way;
+        m->backing = forwards ? smaller(SPAN, m->backing + way) : m->backing - way;
         m->backing = larger(smaller(0.0, m->backing), m->backing - WEARS * fabs(turn));
     }
     for (int i = 0; i < 3; i++)
@@ -431,8 +423,8 @@ static void move(safety_memory *m, const double *odom, double reach)
 /* Drop the points that the scan tells of, and those that are far or old; add its hits, the nearest of every few. */
 static void see(safety_memory *m, const laser_scan *in, double far)
 {
-    const double stride = copysign(larger(fabs(in->step), 1e-6), in->step), around = larger(1.0, rint(TAU / fabs(stride)));
-    const double few = floor(larger(1.0, FINEST / larger(fabs(in->step), 1e-9) + 1e-6)), beams = (double)in->beams;
+    const double stride = copysign(larger(fabs(in->step), 1e-6), in->step), beams = (double)in->beams;
+    const double around = larger(1.0, rint(TAU / fabs(stride))), few = floor(larger(1.0, FINEST / fabs(stride) + 1e-6));
     int64_t kept = 0;
     for (int64_t i = 0; i < m->count; i++) {
         double dx = m->known[i] - m->laser_x, dy = m->known[m->room + i] - m->laser_y, away = sqrt(dx * dx + dy * dy);
@@ -557,16 +549,14 @@ static int64_t way_of(velocity v)
     return 1 + 2 * (v.x > 0.0) + 4 * (v.x == 0.0 && (v.y != 0.0 ? v.y : v.turn) > 0.0);
 }
 
-/* A part of a motion, as large as it is measured where the base is faster than it was told to be. */
-static double real_part(const safety_memory *m, double part, double measured)
-{
-    return m->is_faster && part != 0.0 ? copysign(larger(fabs(part), fabs(measured)), part) : part;
-}
-
+/* A motion, with each part as large as it is measured where the base is faster than it was told to be. */
 static velocity real_of(const safety_memory *m, velocity v)
 {
-    const double *most = m->measured;
-    return (velocity){real_part(m, v.x, most[0]), real_part(m, v.y, most[1]), real_part(m, v.turn, most[2])};
+    double *parts[] = {&v.x, &v.y, &v.turn};
+    for (int i = 0; m->is_faster && i < 3; i++)
+        if (*parts[i] != 0.0)
+            *parts[i] = copysign(larger(fabs(*parts[i]), fabs(m->measured[i])), *parts[i]);
+    return v;
 }
 
 /* Take the velocity that odometry says: whether the base is faster than it was told to be in some part. */
@@ -583,7 +573,7 @@ static void measure(safety_memory *m, const double *odom)
 /* The share of its speed at which a motion can stop before all; the robot that it would meet first, or -1. */
 static double share_of_motion(const safety_memory *m, velocity v, int64_t *met)
 {
-    cloud around = cloud_of(m->known, m->room, m->count, frame_at(0.0, 0.0, 0.0));
+    cloud around = {m->known, m->known + m->room, m->count, frame_at(0.0, 0.0, 0.0)};
     double least = admissible(m, v = real_of(m, v), GAP, 0.0, &around, 1.0, 0.0, 0.0);
     *met = -1;
     for (const teammate *t = m->mates; t < m->mates + m->mate_count; t++) {
@@ -602,7 +592,7 @@ static velocity slow_down_unseen(safety_memory *m, velocity asked, int64_t *caus
     velocity v = real_of(m, asked);
     if (is_standing(v))
         return asked;
-    double braking = stop_time(m->base, v.x, v.y, v.turn), speed = speed_of(v), way = angle_of(v.x, v.y);
+    double braking = stop_time(m->base, v), speed = speed_of(v), way = angle_of(v.x, v.y);
     double seconds = m->reaction + 0.5 * braking, bend = within(0.5 * v.turn * seconds, -1.0, 1.0), share = 1.0;
     int forwards = v.x > 0.0 && fabs(v.y) <= 0.5 * v.x;
     m->side = side_of(asked);

@@ -43,11 +43,6 @@ class Outline:
         self.border = _border(corners)
         """(2, m): points on the outline, at most _EDGE apart."""
 
-    def distances(self, points: Floats) -> Floats:
-        """Of points (2, m): metres from the hull, below 0 inside; too little beside a corner."""
-        found: Floats = np.maximum.reduce(self.rows[:, :2] @ points - self.rows[:, 2:3])
-        return found
-
 
 outline_of = lru_cache(maxsize=256)(Outline)
 """The outline of a footprint: the same object for equal ones."""
@@ -87,16 +82,14 @@ class BaseLimits:
             "planes": memory("rows", hull.rows, sides, 3), "sides": sides,
             "corners": memory("corners", hull.corners, tips, 2), "tips": tips,
             "border": memory("border", hull.border, 2, edge), "edge": edge,
-            "radius": hull.radius, "wheelbase": self.wheelbase,
+            "radius": hull.radius, "wheelbase": self.wheelbase, "is_car": base.drive == "car",
             "low": base.min_vel_x, "high": base.max_vel_x, "aside": base.max_vel_y if is_omni else 0.0,
-            "turn": base.max_vel_theta, "swerve": base.acc_lim_y, "spin": base.acc_lim_theta,
+            "turn": base.max_vel_theta, "swerve": base.acc_lim_y, "spin": base.acc_lim_theta, "loss": loss,
             # Backwards a base gains speed no harder than it brakes forwards: that is the simulator's bound.
-            "gain": (base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)), "loss": loss,
-            "braking": braking[:2], "aside_braking": braking[2],
-            "least_braking": min(braking if is_omni else braking[:2]),
+            "gain": (base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)), "braking": braking[:2],
+            "aside_braking": braking[2], "least_braking": min(braking if is_omni else braking[:2]),
             "turn_braking": base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING,
-            "too_fast": TOO_FAST * max(base.max_vel_x, base.max_vel_y),
-            "is_car": base.drive == "car", "accelerates": any(map(math.isfinite, bounds)),
+            "too_fast": TOO_FAST * max(base.max_vel_x, base.max_vel_y), "accelerates": any(map(math.isfinite, bounds)),
         })  # fmt: skip
         """For C, as kernels.h has it. It needs the arrays of the hull."""
 
@@ -111,10 +104,6 @@ class BaseLimits:
         command = ffi.new("double[3]")
         lib.command_of(self.struct, motion, command)
         return twist_of(*command)
-
-    def stop_time(self, motion: Velocity) -> float:
-        """Seconds that braking along the arc takes."""
-        return float(lib.stop_time(self.struct, *motion))
 
     def meeting_time(self, motion: Velocity, seconds: float, points: Floats, clearance: float = 0.0) -> float:
         """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
