@@ -51,7 +51,7 @@ class Directions:
 
 
 def look_along(scan: Any, half_width: float, heading: float) -> float:
-    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) towards `heading` (rad) from the laser; or inf."""
+    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) towards `heading` (rad), or inf."""
     return float(lib.look_along(scan, half_width, heading, -math.inf))
 
 
