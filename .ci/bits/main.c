@@ -167,29 +167,49 @@ static void localise(void)
     tell("particles");
 }
 
-/* A base meets points on drawn arcs, and remembers what drawn scans show. */
+/* A base is to drive on drawn arcs, among drawn hits and teammates. */
 static void look(void)
 {
-    enum { POINTS = 500 };
-    static double axes[2][POINTS], distances[POINTS], known[3 * POINTS], seen[6 * POINTS];
-    const double planes[4][3] = {{1.0, 0.0, 0.3}, {-1.0, 0.0, 0.2}, {0.0, 1.0, 0.2}, {0.0, -1.0, 0.2}};
-    int64_t count = 0;
-    for (int round = 0; round < 20; round++) {
-        for (int i = 0; i < POINTS; i++) {
-            cosine_sine(-2.0 + 4.0 * i / POINTS, &axes[0][i], &axes[1][i]);
-            distances[i] = drawn(0.2, 5.0);
-        }
-        count = see(known, count, axes[0], distances, POINTS, -2.0, 4.0 / POINTS, 3, 0.1, 0.0, 0.01, 3.0, round, round - 2.0,
-                    seen);
-        memcpy(known, seen, (size_t)(3 * count) * sizeof *seen);
-        /* A compiler may draw a call's arguments in any order. */
-        const double x = drawn(0.0, 0.1), turn = drawn(-0.2, 0.2), speed = drawn(-0.5, 1.0);
-        move_points(known, count, x, 0.01, turn);
-        double met = meet(known, count, planes[0], 4, speed, 0.1 * turn, 3.0 * turn, 3.0, 0.05, 0.0, 0.0, 4.0);
-        double free_way = look_along(axes[0], distances, POINTS, 0.3, 5.0 * turn, -1.0);
-        add(&met, sizeof met), add(&free_way, sizeof free_way);
+    enum { SEEN = 500, MATES = 3, ROOM = 9000 };
+    static double angles[SEEN], axes[2][SEEN], distances[SEEN], known[3 * ROOM], silent[SEEN], border[2][4], tips[4][2];
+    static float ranges[SEEN];
+    static teammate mates[MATES];
+    const double planes[4][3] = {{1.0, 0.0, 0.13}, {-1.0, 0.0, 0.23}, {0.0, 1.0, 0.17}, {0.0, -1.0, 0.17}};
+    const base_limits base = {planes[0], tips[0], border[0], 4, 4, 4, 0.29, -1.0, 1.0, 0.0, 3.0, {1.5, 1.0}, {1.0, 1.0},
+                              INFINITY, 4.0, {1.0, 1.0}, 1.0, 4.0, 1.0, 0.2, 3.0, 0, 1};
+    safety_memory m = {.base = &base, .mates = mates, .mate_count = MATES, .known = known, .silent = silent, .room = ROOM};
+    const laser_scan seen = {angles, axes[0], distances, SEEN, 1, -2.0, 4.0 / SEEN};
+    double odom[6] = {0.0}, poses_now[MATES + 1][4], found[MATES + 1][3], nearest;
+    safety_inputs in = {.seen = &seen, .range = 30.0, .laser_x = 0.05, .odom = odom, .poses = poses_now[0], .dt = 0.1};
+    for (int i = 0; i < 4; i++) {
+        tips[i][0] = border[0][i] = i % 3 ? 0.13 : -0.23;
+        tips[i][1] = border[1][i] = i < 2 ? -0.17 : 0.17;
+        if (i < MATES)
+            mates[i].base = &base, mates[i].row = mates[i].robot_id = i + 1;
     }
-    add(known, (size_t)(3 * count) * sizeof *known);
+    for (int round = 1; round <= 300; round++) {
+        in.now = 100000000LL * round;
+        for (int i = 0; i < SEEN; i++) {
+            angles[i] = -2.0 + 4.0 * i / SEEN;
+            cosine_sine(angles[i], &axes[0][i], &axes[1][i]);
+            const double range = drawn(0.4, 5.0);
+            ranges[i] = drawn(0.0, 1.0) < 0.02 * (round % 4) ? 0.0f : (float)range;
+        }
+        read_ranges(ranges, SEEN, 0.1, 30.0, 1e-6, distances, &nearest);
+        for (int i = 0; i <= MATES; i++) {
+            poses_now[i][0] = i ? drawn(-1.5, 1.5) : odom[0], poses_now[i][1] = i ? drawn(-1.5, 1.5) : odom[1];
+            poses_now[i][2] = i ? drawn(-3.0, 3.0) : odom[2], poses_now[i][3] = (double)in.now;
+        }
+        /* A compiler may draw a call's arguments in any order. */
+        const double speed = drawn(-0.5, 1.0), turn = drawn(-1.0, 1.0), wanted[3] = {speed, 0.0, turn};
+        const int64_t cause = limit(&m, &in, wanted);
+        odom[0] += drawn(0.0, 0.1), odom[1] += drawn(-0.05, 0.05), odom[2] += 0.1 * m.motion[2];
+        const double free_way = look_along(&seen, 0.3, turn, -1.0);
+        see_poses(poses_now[0], MATES + 1, 0, found[0]);
+        add(&cause, sizeof cause), add(m.command, sizeof m.command), add(found, sizeof found), add(&free_way, sizeof free_way);
+        for (int row = 0; row < 3; row++)
+            add(known + row * ROOM, (size_t)m.count * sizeof *known);
+    }
     tell("safety");
 }
 
@@ -244,11 +264,14 @@ static void draw_trail(void)
         pose[2] += i % 90 < 60 ? 0.02 : -0.06;
         cosine_sine(pose[2], &cosine, &sine);
         pose[0] += step * cosine, pose[1] += step * sine;
-        extend_trail(&led, pose[0] + drawn(-0.01, 0.01), pose[1] + drawn(-0.01, 0.01), pose[2], 0.1, 8.0);
+        /* A compiler may draw a call's arguments in any order. */
+        const double x = pose[0] + drawn(-0.01, 0.01), y = pose[1] + drawn(-0.01, 0.01);
+        extend_trail(&led, x, y, pose[2], 0.1, 8.0);
         const double place = drawn(path.start - 1.0, led.place + 1.0), curvature = trail_curvature(&led, place);
         find_trail_pose(&led, place, drawn(-1.0, 1.0), found);
         add(&curvature, sizeof curvature), add(found, sizeof found);
-        find_nearest(&path, drawn(-5.0, 5.0), drawn(-5.0, 5.0), place - 3.0, place, found);
+        const double near_x = drawn(-5.0, 5.0), near_y = drawn(-5.0, 5.0);
+        find_nearest(&path, near_x, near_y, place - 3.0, place, found);
         add(found, 2 * sizeof *found);
     }
     free_points(&path);
