@@ -71,7 +71,7 @@ class SafetyLayer:
         if limits is not self._base:
             self._base, self._scan = limits, None
             self._memory.base, self._memory.has_pose = limits.struct, False
-        if self._team is None or self._team[0] is not poses.rows or self._team[1] is not view.bases:
+        if self._team != (poses.rows, view.bases):
             self._team = poses.rows, view.bases
             self._take_team(view, poses.rows)
         inputs.odom = ffi.NULL
