@@ -93,16 +93,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     bases: Mapping[int, Base] = {}
     """The bases of the robots that have told theirs, by id."""
 
-    team_poses: TeamPoses | None = None
-    """Those of this robot and of all of `team` and `bases`, which are looked up once for all who ask."""
-
-    @property
-    def poses(self) -> TeamPoses:
-        """`team_poses`, looked up where there are none."""
-        return self.team_poses or self._looked_up
-
     @cached_property
-    def _looked_up(self) -> TeamPoses:
+    def poses(self) -> TeamPoses:
+        """Those of this robot and of all of `team` and `bases`. A robot's process sets them before its behaviour asks."""
         robots = sorted({self.robot_id, *self.team, *self.bases})
         found = [self.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in robots]
         return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
@@ -134,18 +127,20 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """A robot's pose in `map` and its stamp, or None."""
-        row = self.poses.rows.get(robot_id)
+        poses = self.poses
+        row = poses.rows.get(robot_id)
         if row is None:
             return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        return self.poses.found[row]
+        return poses.found[row]
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""
-        row = self.poses.rows.get(robot_id)
+        poses = self.poses
+        row = poses.rows.get(robot_id)
         if row is None:
             return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        found = self.poses.found[row]
-        if found is None or self.map_from_base() is None:
+        found = poses.found[row]
+        if found is None or poses.found[poses.rows[self.robot_id]] is None:
             return None
         return Pose2(*self._seen[3 * row : 3 * row + 3]), found[1]
 

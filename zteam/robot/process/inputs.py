@@ -264,7 +264,7 @@ class RobotInputs:
                 # A copy: the behaviour may look at it while messages come.
                 self._shown[name] = MappingProxyType(dict(sorted(newest.items())))
         declared = self._none_declared() if is_first else {**self._of_behavior, **self._shown}
-        return View(
+        view = View(
             now=now,
             dt=dt,
             robot_id=self._id,
@@ -276,11 +276,12 @@ class RobotInputs:
             base=self.base,
             bases=self._bases,
             team=team,
-            team_poses=self.transforms.find_poses(self._rows),
             inputs=MappingProxyType(declared),
             silent=silent,
             seed=seed,
         )
+        vars(view)["poses"] = self.transforms.find_poses(self._rows)
+        return view
 
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""
