@@ -137,9 +137,9 @@ class Freezes:
         No silence of others counts that began before.
         """
         with self._lock:
-            if self._last is not None:
-                now, worked = self._now(), self._worked()
-                late = now - self._last[0] - FREEZE_WATCH
+            # Just after the last look there is nothing to see, and the processor time is slow to read.
+            if self._last is not None and (now := self._now()) - self._last[0] >= FREEZE_WATCH / 2:
+                worked, late = self._worked(), now - self._last[0] - FREEZE_WATCH
                 if late > _LATE and worked - self._last[1] < _BUSY * late:
                     self._woke, self._frozen = self._host(), self._frozen + late
                 self._last = now, worked

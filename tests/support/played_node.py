@@ -13,10 +13,10 @@ def play(node: zteam.Node, step: Step, script: Iterator[None], *, period: float 
     """Run the main loop. Where it would wait the script goes on to its next `yield`; its end stops the node."""
     wait = node.wait
 
-    def go_on(ready: Callable[[], bool], _timeout: float) -> bool:
+    def go_on(ready: Callable[[], bool], _timeout: float, **how: bool) -> bool:
         if not ready() and next(script, script) is script:
             node.stop.request("the test is over")
-        return wait(ready, 0.0)
+        return wait(ready, 0.0, **how)
 
     node.wait = go_on  # type: ignore[method-assign]
     node.run(step, period=period, gate=gate)

@@ -25,6 +25,7 @@ _MAX_REASON = 300
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
 """Host seconds between two warnings about a key: a cause that stays must not fill the log."""
 _CDR = "application/cdr;"
+_FAULT = "error while handling a message on %s"
 
 
 class KeyCount(msgspec.Struct):
@@ -113,11 +114,14 @@ class Receiver:
     def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
         if isinstance(sample.content, message_type):
             return sample.content
-        try:
-            return decode(message_type, sample.payload)
-        except DecodeError as error:
-            self.drop(sample.key, str(error))
-            return None
+        payload = sample.payload
+        if not (problem := size_problem(payload)):
+            try:
+                return decode(message_type, payload)
+            except DecodeError as error:
+                problem = str(error)
+        self.drop(sample.key, problem)
+        return None
 
     def messages(
         self,
@@ -140,32 +144,35 @@ class Receiver:
         """By key: what comes on it again, of the due type, needs no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
-            key = sample.key
-            if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
-                return
-            if problem is not None and (why := problem(sample)):
-                self.drop(key, why)
-                return
-            count = known.get(key)
-            if count is None or sample.encoding != due:
-                if self._refuse(sample, message_type):
+            key, content = sample.key, sample.content
+            try:
+                if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
                     return
-                count = self.of(key)
-                if len(known) < MAX_KEYS:
-                    known[key] = count
-            content = sample.content
-            message = content if type(content) is message_type else self._read(sample, message_type)
-            if message is None:
-                return
-            count.received += 1
-            if latched and (key in newest or len(newest) < MAX_KEYS):
-                newest[key] = sample.sent(monotonic())
-            if with_source:
-                callback(key, message, sample.source)
-            else:
-                callback(key, message)
+                if problem is not None and (why := problem(sample)):
+                    self.drop(key, why)
+                    return
+                count = known.get(key)
+                if count is None or sample.encoding != due:
+                    if self._refuse(sample, message_type):
+                        return
+                    count = self.of(key)
+                    if len(known) < MAX_KEYS:
+                        known[key] = count
+                message = content if type(content) is message_type else self._read(sample, message_type)
+                if message is None:
+                    return
+                count.received += 1
+                if latched and (key in newest or len(newest) < MAX_KEYS):
+                    newest[key] = sample.sent(monotonic())
+                if with_source:
+                    callback(key, message, sample.source)
+                else:
+                    callback(key, message)
+            except Exception:
+                # A fault in one callback must not end the subscription, and no other code sees it after the bus.
+                log.exception(_FAULT, key)
 
-        return self.samples(handle)
+        return handle
 
     def samples(self, callback: Callable[[RawSample], object], only: type[Message] | None = None) -> SampleHandler:
         """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
@@ -182,8 +189,7 @@ class Receiver:
             try:
                 callback(sample)
             except Exception:
-                # A fault in one callback must not end the subscription, and no other code sees it after the bus.
-                log.exception("error while handling a message on %s", sample.key)
+                log.exception(_FAULT, sample.key)
 
         return handle
 

@@ -36,7 +36,7 @@ _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _CACHE = zenoh.ext.CacheConfig(1)
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
-_BYTES = "zenoh/bytes"
+_BYTES, _PUT = "zenoh/bytes", zenoh.SampleKind.PUT
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
@@ -116,7 +116,7 @@ def sample_callback(handle: Callable[[zenoh.Sample], None]) -> Any:
     def on_sample(sample: zenoh.Sample) -> None:
         if not hasattr(_THREAD, "stays"):
             _stay()
-        if sample.kind == zenoh.SampleKind.PUT:
+        if sample.kind == _PUT:
             handle(sample)
 
     return zenoh.handlers.Callback(on_sample, indirect=False)
@@ -174,7 +174,7 @@ class ZenohPublisher(Handle):
         """`stamp()` makes the time stamps of samples."""
         super().__init__(self._end, partial(_undeclare, entity))
         self._entity: Any = entity
-        self._matching = True
+        self.has_subscribers = True
         self._stamp = stamp
         if not latched:
             # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
@@ -185,18 +185,14 @@ class ZenohPublisher(Handle):
             with self._lock:
                 # The listener's word is newer than the answer.
                 if not self._told:
-                    self._matching = now
-
-    @property
-    def has_subscribers(self) -> bool:
-        return self._matching and self._entity is not None
+                    self.has_subscribers = now
 
     def _end(self) -> None:
-        self._entity = None
+        self._entity, self.has_subscribers = None, False
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
-            self._matching, self._told = status.matching, True
+            self.has_subscribers, self._told = status.matching and self._entity is not None, True
 
     def put(self, content: bytes | Message) -> None:
         payload = content if isinstance(content, bytes) else encode(content)

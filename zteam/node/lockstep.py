@@ -205,3 +205,4 @@ class Participant:
         self.tick = None
         self.state = TickState.NONE
         self._answer = Done()
+        self._node.wake()

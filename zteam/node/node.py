@@ -357,7 +357,7 @@ class Node(ProcessNode):
             self.decide_clock(self.first_data)
             if self.part.expected:
                 # The steps go on in handlers.
-                self.wait(lambda: not self.part.expected, self._heartbeat.left())
+                self.wait(lambda: not self.part.expected, self._heartbeat.left(), by_inputs=False)
             else:
                 self._timer.wait(self._heartbeat.left())
                 self._step()

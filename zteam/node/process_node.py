@@ -275,10 +275,14 @@ class ProcessNode:
                 raise BusError(f"a step of {self.name} has not returned for {STEP_LIMIT:g} s")
             yield
 
-    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
-        """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""
+    def wait(self, ready: Callable[[], bool], timeout: float, *, by_inputs: bool = True) -> bool:
+        """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns.
+
+        Unless `by_inputs`, `ready` is asked at each `wake` alone, not at each input.
+        """
+        wait_for = self.changed.wait_until if by_inputs else self.changed.wait_for
         with self.changed:
-            self.changed.wait_until(lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+            wait_for(lambda: self.stop.requested or self._failure is not None or ready(), timeout)
             if self._failure is not None:
                 raise self._failure
             return ready()

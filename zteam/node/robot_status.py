@@ -101,8 +101,10 @@ class ReasonLog:
 
     def admit(self, reason: str, now: int, *, is_known: bool = False) -> bool:
         """Whether to print a reason that holds at time `now` (ns); not if it `is_known` to the reader already."""
+        if not reason:
+            return False
         logged = self._logged = {each: held for each, held in self._logged.items() if abs(now - held) < REST}
-        if not reason or (reason not in logged and len(logged) >= _MOST):
+        if reason not in logged and len(logged) >= _MOST:
             return False
         is_new = reason not in logged
         logged[reason] = now
@@ -159,7 +161,7 @@ class StatusReport:
 
     def tell(self, *, logged: bool = True) -> None:
         """Publish the state if it is another one than before; also log the reason, unless the caller has."""
-        state, reason = self._state()[:2]
+        state, reason = self.readiness.state, self.readiness.reason
         # In each step: the reason that holds on and on is not a new one when it has been gone for a moment.
         if self._reasons.admit(reason, self._node.clock.now(), is_known=not logged):
             told = "" if state == messages.RobotState.RUNNING else f"{messages.RobotState.TEXT[state]}: "

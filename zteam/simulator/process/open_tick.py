@@ -82,7 +82,7 @@ class OpenTick:
 
     def on_done(self, name: str, session: str, done: Done) -> bool:
         """Take an answer. False if its session does not hold `name`: the answer is ignored."""
-        if session not in self.holders.instances(name):
+        if session not in self.holders.get(name, ()):
             return False
         if name not in self.members:
             self._changed = self._changed or name not in self.joining
@@ -158,7 +158,9 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return not self.missing() and not self.must_reopen and self._start is not Start.HELD
+        # Asked after each answer: most are still to come, and need not be named.
+        is_early = len(self.answers) < len(self.members) or self._start is Start.HELD
+        return not is_early and not self.must_reopen and not self.missing()
 
     def end(self) -> None:
         """The tick is over: the next one is to come."""

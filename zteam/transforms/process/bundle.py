@@ -68,6 +68,8 @@ class Bundle:
             self._left.pop(known, None)
         if stamp >= newest:
             self._fresh.setdefault(stamp, set()).add(robot_id)
+        if len(self._fresh) < _MOST_TICKS:
+            return
         own = [known for known, robots in self._fresh.items() if robot_id in robots and known != stamp]
         if len(own) >= _MOST_TICKS:
             # It makes them up, and harms itself alone.
