@@ -214,7 +214,7 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
                 # Some writers send the empty text without its NUL.
                 f"if n == 0: {value} = ''",
                 "elif buf[p + n - 1] != 0: raise DecodeError('a text without its final NUL')",
-                f"else: {value} = str(buf[p:p + n - 1], 'utf-8'); p += n",
+                f"else: {value} = buf[p:p + n - 1].decode(); p += n",
             )
         else:
             if field.kind is str or field.kind.__struct_fields__:
