@@ -33,7 +33,8 @@ class RobotCommands:
         self._robots = robots
         self._statistics = statistics
         self._lateness = None if lockstep else Lateness()
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
         """Host times at which scans left that have no command yet."""
@@ -109,12 +110,12 @@ class RobotCommands:
 
     def scan_sent(self, robot_id: int) -> None:
         """Note that the robot's scan of this tick leaves now."""
-        with self._changed:
+        with self._lock:
             self._scan_sent[robot_id] = monotonic()
 
     def answered(self, robot_id: int) -> None:
         """Note that the robot's command for its scan has come, on `cmd_vel` or in an answer of lock-step."""
-        with self._changed:
+        with self._lock:
             sent = self._scan_sent.pop(robot_id, None)
         if sent is not None:
             self._statistics.add_latency(monotonic() - sent)

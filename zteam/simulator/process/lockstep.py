@@ -82,7 +82,8 @@ class LockStep:
         self._node = node
         self._on_command = on_command
         self._timeout = options.timeout
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self.tick = OpenTick(options.expected, gate=options.gate)
         """Other threads `ask` it, but for lists that are replaced and not changed."""
         self.resends = 0
@@ -139,7 +140,7 @@ class LockStep:
     def _on_done(self, key: str, done: Done, session: str) -> None:
         name = names.process_of(key, names.DONE) or ""
         robot_id = names.robot_id_of(name)
-        with self._changed:
+        with self._lock:
             if self.tick.on_done(name, session, done):
                 if done.has_command and robot_id is not None:
                     self._on_command(robot_id)

@@ -89,5 +89,7 @@ class Bundle:
 
     def leaves(self, robots: AbstractSet[int]) -> int | None:
         """Lock-step: the stamp of a bundle that is complete and has not left yet; None if there is none."""
-        whole = (stamp for stamp in sorted(self._fresh) if self.has_all(robots, stamp))
-        return next((stamp for stamp in whole if self._fresh[stamp] != self._left.get(stamp)), None)
+        for stamp, spoken in sorted(self._fresh.items()):
+            if len(spoken) >= len(robots) and self.has_all(robots, stamp) and spoken != self._left.get(stamp):
+                return stamp
+        return None
