@@ -53,20 +53,20 @@ class WatchedCondition(threading.Condition):
 
     def __init__(self, lock: threading.RLock) -> None:
         super().__init__(lock)
-        self._awaited: list[Callable[[], bool]] = []
+        self.awaited: list[Callable[[], bool]] = []
         """What the threads wait for that wait."""
 
     def wait_until(self, ready: Callable[[], bool], timeout: float) -> None:
         """Wait until `ready()`, for at most `timeout` host seconds, under the lock. `look` calls `ready` too."""
-        self._awaited.append(ready)
+        self.awaited.append(ready)
         try:
             wait_until(self, ready, timeout)
         finally:
-            self._awaited.remove(ready)
+            self.awaited.remove(ready)
 
     def look(self) -> None:
         """Something has changed: wake the threads in `wait_until` if one of them is ready. Call it under the lock."""
-        for ready in self._awaited:
+        for ready in self.awaited:
             if ready():
                 self.notify_all()
                 return
@@ -219,13 +219,16 @@ class ProcessNode:
         """What the bus may call instead of `callback`: it calls that under `changed`, not during a step, and lets
         `wait` look."""
 
+        lock, changed = self.lock, self.changed
+
         def handle(*content: object) -> None:
-            with self.lock:
+            with lock:
                 if self._busy:
                     self._later.append((callback, content))
                     return
                 callback(*content)
-                self.changed.look()
+                if changed.awaited:
+                    changed.look()
             self.on_input()
 
         return handle
@@ -242,12 +245,11 @@ class ProcessNode:
         waits for it, and no handler runs at the same time. Inputs that come during the step are taken after it, in
         order. An error of the step ends the process.
         """
-        with self.lock:
-            if self._busy or not self.can_publish:
-                return
-            self._busy = True
         try:
             with self.lock:
+                if self._busy or not self.can_publish:
+                    return
+                self._busy = True
                 given = begin()
             if given is not None:
                 result = act(given)
