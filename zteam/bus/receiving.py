@@ -114,14 +114,14 @@ class Receiver:
     def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
         if isinstance(sample.content, message_type):
             return sample.content
-        payload = sample.payload
-        if not (problem := size_problem(payload)):
-            try:
-                return decode(message_type, payload)
-            except DecodeError as error:
-                problem = str(error)
-        self.drop(sample.key, problem)
-        return None
+        try:
+            payload = sample.payload
+            if problem := size_problem(payload):
+                raise DecodeError(problem)
+            return decode(message_type, payload)
+        except DecodeError as error:
+            self.drop(sample.key, str(error))
+            return None
 
     def messages(
         self,

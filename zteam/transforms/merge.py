@@ -187,9 +187,11 @@ class Merger:
 
 def base_stamp(robot_id: int, message: TFMessage) -> int:
     """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
-    base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-    own = (each for each in message.transforms if _own(robot_id, each.header.frame_id, each.child_frame_id)[1] == base)
-    return max((ns_from_time(each.header.stamp) for each in own), default=-1)
+    base, newest = names.robot_frame(robot_id, names.BASE_FOOTPRINT), -1
+    for each in message.transforms:
+        if _own(robot_id, each.header.frame_id, each.child_frame_id)[1] == base:
+            newest = max(newest, ns_from_time(each.header.stamp))
+    return newest
 
 
 @lru_cache(maxsize=4096)
