@@ -499,10 +499,12 @@ static void forget_mates(safety_memory *m)
         double away = larger(length(t->at.x, t->at.y), t->base->radius);
         if (!(away < REACH) || looks(m, angle_of(t->at.x, t->at.y), t->base->radius / away))
             continue;
+        /* As in meet_copies: further away than this no point is so near to the half-planes. */
+        double apart = 1.42 * (t->base->radius + BODY);
         int64_t kept = 0;
         for (int64_t i = 0; i < m->count; i++) {
             point p = to_frame(t->at, m->known[i], m->known[m->room + i]);
-            if (depth_of(p.x, p.y, t->base->planes, t->base->sides) > BODY)
+            if (p.x * p.x + p.y * p.y > apart * apart || depth_of(p.x, p.y, t->base->planes, t->base->sides) > BODY)
                 keep(m, &kept, i);
         }
         m->count = kept;

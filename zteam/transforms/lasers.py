@@ -18,7 +18,7 @@ from zteam.messages import Header, LaserScan, ns_from_time
 from zteam.messages.laser import read_ranges
 from zteam.transforms.buffer import Buffer
 from zteam.transforms.errors import TransformException
-from zteam.transforms.rigid import Floats, floats_of
+from zteam.transforms.rigid import IDENTITY, Floats, floats_of
 
 MAX_TILT = math.radians(10.0)
 """Radians between the plane of a laser's beams and the base's, at most: a beam then rises or falls by 17 cm a metre."""
@@ -55,6 +55,8 @@ def turn_scan(scan: LaserScan, rotation: Quat) -> LaserScan:
     Of a tilted laser the ranges are those in the base's plane. Its bearings are the untilted ones, so that they stay
     evenly spread: they are off by a quarter of the squared tilt (rad), 0.44 degrees at MAX_TILT.
     """
+    if rotation == IDENTITY[3:] and scan.angle_increment >= 0.0:
+        return scan
     (i, j, k, w), (tilt, is_upright) = rotation, tilt_of(rotation)
     # What is left without the tilt: a rotation about z, or half a turn about an axis in the plane.
     turn, sense = (math.atan2(k, w), 1.0) if is_upright else (math.atan2(j, i), -1.0)
