@@ -94,10 +94,9 @@ def test_what_is_remembered(script: list[tuple[Pose2, tuple[float, float, int], 
                 )
                 kept.append(Remembered(x, y, way))
         known = kept
-    expected = sorted(pose.locate(point.x, point.y) for point in known)
-    assert (
-        np.allclose(sorted(layer.points.T.tolist()), expected, rtol=0.0, atol=1e-5) if known else not layer.points.size
-    )
+    expected = np.reshape([pose.locate(point.x, point.y) for point in known], (-1, 2))
+    assert layer.points.T.shape == expected.shape
+    assert np.allclose(layer.points.T, expected, rtol=0.0, atol=1e-5)
 
 
 @given(
@@ -124,9 +123,9 @@ poses = st.builds(Pose2, numbers, numbers, numbers)
         st.tuples(
             poses,
             st.tuples(numbers, numbers),
-            arrays(np.float32, st.sampled_from([0, 1, 2, 48, 541]), elements=st.floats(width=32)),
+            arrays(np.float32, st.sampled_from([0, 1, 2, 48, 90]), elements=st.floats(width=32)),
             st.tuples(numbers, numbers, numbers),
-            st.lists(st.none() | st.tuples(poses, st.integers(0, 2 * TICK)), min_size=20, max_size=20),
+            st.lists(st.none() | st.tuples(poses, st.integers(0, 2 * TICK)), min_size=1, max_size=3),
             st.sampled_from([0, 1, 21]),
             st.floats(0.0, 9.0),
         ),
@@ -139,7 +138,7 @@ def test_whatever_comes_the_command_is_within_the_limits(steps: list[tuple[Any, 
     layer, now = SafetyLayer(), TICK
     for pose, laser, values, (x, turn, angle), mates, count, dt in steps:
         now += TICK
-        at = {names.robot_frame(i + 1, names.BASE_FOOTPRINT): mate for i, mate in enumerate(mates)}
+        at = {names.robot_frame(i + 1, names.BASE_FOOTPRINT): mate for i, mate in enumerate(20 * mates)}
         at[names.robot_frame(0, names.BASE_FOOTPRINT)] = Pose2(0.0, 0.0, 0.0), now
         scan = LaserScan(Header(time_from_ns(now)), angle, 0.0, laser[0], range_max=laser[1], ranges=values)
         seen = make_view(
@@ -149,7 +148,7 @@ def test_whatever_comes_the_command_is_within_the_limits(steps: list[tuple[Any, 
         command, _ = layer.limit(Twist(Vector3(x), Vector3(z=turn)), seen)
         assert abs(command.linear.x) <= DEFAULT_BASE.max_vel_x
         assert abs(command.angular.z) <= DEFAULT_BASE.max_vel_theta
-        assert len(layer.points.T) <= 3 * 541
+        assert len(layer.points.T) <= 4 * 90
 
 
 @pytest.mark.parametrize("beams", [0, 1, 100_000])
