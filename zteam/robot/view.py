@@ -164,6 +164,8 @@ def own_pose(view: View) -> Pose2 | None:
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
+_MOST_ANGLE = 1e6
+"""Radians: beams further round have no usable angles."""
 _TOUCHING = 1e-6
 """Metres: where a hit that is too close to measure is taken to be."""
 _EDGE = math.radians(5.0)
@@ -213,7 +215,7 @@ _directions = lru_cache(maxsize=64)(kernels.Directions)
 def _read(scan: LaserScan) -> Beams | None:
     start, step = float(scan.angle_min), float(scan.angle_increment)
     given = np.ascontiguousarray(scan.ranges, np.float32)
-    if not (given.size and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and given.size > 1):
+    if not (given.size and abs(start) + abs(step) * given.size < _MOST_ANGLE) or (step == 0.0 and given.size > 1):
         return None
     beams = _directions(start, step, given.size)
     distances, nearest, seen = beams.read(given, scan.range_min, scan.range_max, _TOUCHING)
