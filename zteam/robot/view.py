@@ -95,7 +95,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     @cached_property
     def poses(self) -> TeamPoses:
-        """Those of this robot and of all of `team` and `bases`. A robot's process sets them, once for all who ask."""
+        """Those of this robot and of all of `team` and `bases`. A robot's process sets them before its step."""
         robots = sorted({self.robot_id, *self.team, *self.bases})
         found = [self.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in robots]
         return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
