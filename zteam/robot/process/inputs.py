@@ -48,8 +48,8 @@ class TransformInputs:
 
     def on_bundle(self, bundle: TFMessage, now: int = 0) -> None:
         """A message of `tf` has come at time `now` (ns), 0 = not known."""
-        if bundle is self._bundle or bundle == self._bundle:
-            # From another robot of this process; or sent again, which in lock-step is frequent on a busy machine.
+        if bundle is self._bundle:
+            # It came for another robot of this process.
             return
         self.buffer.set_transforms(bundle.transforms, names.TF, now)
         self._bundle, self._found, self._team = bundle, {}, None
