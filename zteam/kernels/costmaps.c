@@ -90,6 +90,34 @@ void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int6
     }
 }
 
+/* Set the cells whose middle lies in a polygon (count, 2: column, row), by the even-odd rule, to a cost. Write the box of
+   cells that it may touch, in the grid: rows and columns, from and to. Return whether there are any. */
+int fill_polygon(uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, uint8_t cost,
+                 int64_t *box)
+{
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int64_t i = 0; i < 2 * count; i++) {
+        if (!(fabs(corners[i]) < FAR))
+            return 0;
+        low[i % 2] = LEAST(corners[i], low[i % 2]), high[i % 2] = MOST(corners[i], high[i % 2]);
+    }
+    box[0] = MOST((int64_t)floor(low[1]), 0), box[1] = LEAST((int64_t)floor(high[1]) + 1, rows);
+    box[2] = MOST((int64_t)floor(low[0]), 0), box[3] = LEAST((int64_t)floor(high[0]) + 1, columns);
+    for (int64_t row = box[0]; row < box[1]; row++)
+        for (int64_t column = box[2]; column < box[3]; column++) {
+            const double x = (double)column + 0.5, y = (double)row + 0.5;
+            int is_inside = 0;
+            for (int64_t i = 0, j = count - 1; i < count; j = i++) {
+                const double *a = corners + 2 * i, *b = corners + 2 * j;
+                if ((a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]))
+                    is_inside = !is_inside;
+            }
+            if (is_inside)
+                costs[row * columns + column] = cost;
+        }
+    return box[0] < box[1] && box[2] < box[3];
+}
+
 /* Find the first step at which an outline touches a lethal cell that it does not touch at the start; -1 if none.
    With 0 steps: 0 if it touches one where it stands. `points` has room for the outline twice, at the start and now. */
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,

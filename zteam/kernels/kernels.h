@@ -117,6 +117,8 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
              uint16_t *line, uint16_t *squares, const uint8_t *table, int64_t unknown_from, uint8_t *out);
 void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int64_t y0, const int64_t *ends,
                  int64_t count, const int64_t *marks, int64_t marked);
+int fill_polygon(uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, uint8_t cost,
+                 int64_t *box);
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
                  double y, double yaw, const double *motion, int64_t steps, double *points);
 
@@ -129,6 +131,8 @@ int64_t trace(const uint8_t *weights, int64_t columns, int64_t start, int64_t go
               const uint32_t *costs, int64_t *out, int64_t room);
 void measure_lines(const uint8_t *weights, int64_t columns, const int64_t *begins, const int64_t *ends, int64_t count,
                    double *out);
+void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
+                  double width, double *best, int64_t *before, int64_t *moved);
 void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
              double least, double *best, int64_t *before);
 

@@ -68,6 +68,16 @@ def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> No
     lib.trace_beams(*grid, x0, y0, *beams, memory("marks", marks, len(marks), 2), len(marks))
 
 
+def fill_polygon(costs: Bytes, corners: Floats, cost: int) -> Window | None:
+    """Set the cells of `costs` (rows, columns) whose middle lies in a polygon (n, 2; column, row) to a cost.
+
+    Return the rows and columns that may have changed, from and to; None if the polygon is outside.
+    """
+    box, (grid, rows, columns) = ffi.new("int64_t[4]"), _grid("costs", costs, out=True)
+    given = memory("corners", corners, len(corners), 2), len(corners)
+    return tuple(box) if lib.fill_polygon(grid, rows, columns, *given, cost, box) else None
+
+
 def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, motion: Floats, steps: int) -> int:
     """The first step of `steps` at which a robot touches a lethal cell that it does not touch at the start; else -1.
 
@@ -179,6 +189,16 @@ def measure_lines(weights: Bytes, begins: Cells, ends: Cells) -> Floats:
     lines = _points("begins", begins, weights), _points("ends", ends, weights), len(begins)
     lib.measure_lines(grid, columns, *lines, made)
     return out
+
+
+def shift_points(weights: Bytes, points: Cells, width: int) -> Cells:
+    """The cheapest way through one place for each of `points` (n, 2; column, row) but the first and the last: itself or
+    up to three widths (cells) to its side. `weights` and costs are as for `measure_lines`. Raises ValueError."""
+    grid, rows, columns = _grid("weights", weights)
+    count, moved = len(points), empty(np.int64, len(points), 2)
+    work = empty(np.float64, count, 7)[1], empty(np.int64, count, 7)[1]
+    lib.shift_points(grid, rows, columns, _points("points", points, weights), count, width, *work, moved[1])
+    return moved[0]
 
 
 def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -> tuple[Floats, Cells]:

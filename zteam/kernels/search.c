@@ -179,6 +179,48 @@ void measure_lines(const uint8_t *weights, int64_t columns, const int64_t *begin
         out[i] = measure_line(weights, columns, begins + 2 * i, ends + 2 * i, INFINITY);
 }
 
+enum { SIDES = 7 };
+
+/* The place so many cells to the left of point i of a way, in the grid; the first and the last one stay. */
+static void place_beside(const int64_t *points, int64_t count, int64_t i, double shift, int64_t rows, int64_t columns,
+                         int64_t *at)
+{
+    double dx = 0.0, dy = 0.0, along = 1.0;
+    if (0 < i && i < count - 1) {
+        dx = (double)(points[2 * i + 2] - points[2 * i - 2]), dy = (double)(points[2 * i + 3] - points[2 * i - 1]);
+        along = MOST(sqrt(dx * dx + dy * dy), 1e-9);
+    }
+    at[0] = LEAST(MOST(points[2 * i] + (int64_t)rint(-dy / along * shift), 0), columns - 1);
+    at[1] = LEAST(MOST(points[2 * i + 1] + (int64_t)rint(dx / along * shift), 0), rows - 1);
+}
+
+/* Write the cheapest way through one place beside each point of a way (count, 2: column, row): itself, or up to 3 widths
+   to a side. Dynamic programming; `best` and `before` have room for SIDES a point. */
+void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
+                  double width, double *best, int64_t *before, int64_t *moved)
+{
+    int64_t side = 0;
+    for (int64_t i = 0; i < count; i++)
+        for (int64_t k = 0; k < SIDES; k++) {
+            int64_t from[2], to[2], *come = before + SIDES * i + k;
+            double *least = best + SIDES * i + k;
+            *least = i == 0 ? 0.0 : INFINITY;
+            *come = 0;
+            place_beside(points, count, i, (double)(k - SIDES / 2) * width, rows, columns, to);
+            for (int64_t j = 0; i > 0 && j < SIDES; j++) {
+                place_beside(points, count, i - 1, (double)(j - SIDES / 2) * width, rows, columns, from);
+                const double cost = best[SIDES * (i - 1) + j] + measure_line(weights, columns, from, to, INFINITY);
+                if (cost < *least)
+                    *least = cost, *come = j;
+            }
+        }
+    /* All places of the last point are the same. */
+    for (int64_t i = count - 1; i >= 0; i--) {
+        place_beside(points, count, i, (double)(side - SIDES / 2) * width, rows, columns, moved + 2 * i);
+        side = before[SIDES * i + side];
+    }
+}
+
 /* Find the cheapest way along lines that join every `stride`th cell of a way, and the last, to such cells up to `reach`
    cells before: dynamic programming. `best` becomes what the way to each cell costs, `before` where its line begins. */
 void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,

@@ -15,8 +15,8 @@ from zteam.config.numbers import NotNegative
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
-from zteam.kernels.navigation import MAX_CELLS, Window, inflate, trace_beams
-from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc, cells_of_polygon
+from zteam.kernels.navigation import MAX_CELLS, Window, fill_polygon, inflate, trace_beams
+from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Costs = Bytes
@@ -183,7 +183,8 @@ class Costmap:
 
     def clear_footprint(self, base: Pose2) -> None:
         """Take what lasers have seen away from under a robot at `base`."""
-        self._note(cells_of_polygon(self.frame, place(self.footprint, *base)), FREE_SPACE)
+        corners = self.frame.points_to_cells(place(self.footprint, *base))
+        self._widen(fill_polygon(self._seen, corners, FREE_SPACE))
 
     def clear_around(self, base: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""
@@ -236,8 +237,14 @@ class Costmap:
         if not len(cells):
             return
         (left, low), (right, high) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
-        old = self._changed or (low, high + 1, left, right + 1)
-        self._changed = min(low, old[0]), max(high + 1, old[1]), min(left, old[2]), max(right + 1, old[3])
+        self._widen((low, high + 1, left, right + 1))
+
+    def _widen(self, window: Window | None) -> None:
+        """Note that the layers have changed within a window."""
+        if window is not None:
+            old = self._changed or window
+            low, high = min(window[0], old[0]), max(window[1], old[1])
+            self._changed = low, high, min(window[2], old[2]), max(window[3], old[3])
 
     def _clip(self, window: Window, more: int) -> Window:
         """The part of a window, `more` cells wider on each side, that lies in the grid."""

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, in_polygon
+from zteam.geometry import Pose2
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -87,14 +87,6 @@ def cells_of_disc(frame: GridGeometry, x: float, y: float, radius: float) -> Cel
     du = np.maximum(np.maximum(columns - u, u - (columns + 1)), 0.0)[None, :]
     dv = np.maximum(np.maximum(rows - v, v - (rows + 1)), 0.0)[:, None]
     return np.argwhere(du * du + dv * dv <= reach * reach) + corner
-
-
-def cells_of_polygon(frame: GridGeometry, corners: Floats) -> Cells:
-    """The cells whose middle lies in a polygon (n, 2; metres, in `map`), as far as the grid has them."""
-    points = frame.points_to_cells(corners)
-    columns, rows, corner = _box(frame, *points.min(axis=0), *points.max(axis=0))
-    u, v = (columns + 0.5)[None, :], (rows + 0.5)[:, None]
-    return np.argwhere(in_polygon(points, u, v)) + corner
 
 
 def _box(frame: GridGeometry, left: float, low: float, right: float, high: float) -> tuple[Cells, Cells, Cells]:

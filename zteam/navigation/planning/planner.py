@@ -36,7 +36,6 @@ _SPACING = 20
 """Cells between the points that move to the side."""
 _WIDTHS = (4, 2, 1)
 """Cells that they move at a time."""
-_SIDES = np.arange(-3, 4)
 """Times that width, to either side."""
 
 
@@ -132,7 +131,7 @@ class Field:
         corners, cost = _join(self.weights, way + 1, STRIDE, REACH, self.steps.least)
         points = corners
         for width in _WIDTHS:
-            points = _shift(self.weights, _space_out(points), width)
+            points = kernels.shift_points(self.weights, _space_out(points), width)
         moved, moved_cost = _join(self.weights, points, 1, REACH // _SPACING, self.steps.least)
         return (moved if moved_cost < cost else corners) - 1
 
@@ -245,32 +244,3 @@ def _space_out(corners: Cells) -> Cells:
         count = max(1, math.ceil(math.dist(begin, end) / _SPACING))
         parts.append(np.rint(begin + (end - begin) * (np.arange(count) / count)[:, None]).astype(np.int64))
     return np.concatenate([*parts, corners[-1:]])
-
-
-def _shift(weights: Bytes, points: Cells, width: int) -> Cells:
-    """The cheapest way through one place for each point: itself, or some widths to its side."""
-    if len(points) < 3:
-        return points
-    along = (points[2:] - points[:-2]).astype(np.float64)
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    aside = np.stack((-along[:, 1], along[:, 0]), axis=1)
-    sides = len(_SIDES)
-    places = np.repeat(points[:, None], sides, axis=1)
-    places[1:-1] += np.rint(aside[:, None] * (width * _SIDES)[None, :, None]).astype(np.int64)
-    np.clip(places, 0, [weights.shape[1] - 1, weights.shape[0] - 1], out=places)
-    count = len(points) - 1
-    begins = np.repeat(places[:-1], sides, axis=1).reshape(-1, 2)
-    ends = np.tile(places[1:], (1, sides, 1)).reshape(-1, 2)
-    lines = kernels.measure_lines(weights, begins, ends).reshape(count, sides, sides)
-    best, before = lines[0].min(axis=0), np.zeros((count + 1, sides), np.int64)
-    for i in range(1, count):
-        sums = best[:, None] + lines[i]
-        before[i + 1] = sums.argmin(axis=0)
-        best = sums.min(axis=0)
-    at = int(best.argmin())
-    chosen = [at]
-    for i in range(count, 1, -1):
-        at = int(before[i][at])
-        chosen.append(at)
-    chosen.append(sides // 2)
-    return places[np.arange(count + 1), chosen[::-1]]
