@@ -11,7 +11,7 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
-from zteam.kernels.navigation import inflate, trace_beams
+from zteam.kernels.navigation import inflate, observe
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
 from zteam.planning import CostmapOptions, GridGeometry, make_circle, make_costmap, make_map
 
@@ -59,17 +59,21 @@ def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int, 
 
 
 @examples(30)
-@given(seeds, st.integers(0, 30), st.integers(0, 5))
-def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, marked: int) -> None:
-    """Wherever the sensor and the ends lie, on the grid or beside it."""
+@given(seeds, st.integers(0, 30), st.integers(0, 2))
+def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, mates: int) -> None:
+    """Wherever the sensor and the ends lie, on the grid or beside it; what is met on a teammate is not marked."""
     rng = np.random.default_rng(seed)
-    ends, marks = rng.integers(-5, 25, (beams, 2)), rng.integers(-5, 25, (marked, 2))
-    x0, y0 = rng.integers(-2, 22, 2).tolist()
+    ends, met, others = rng.integers(-5, 25, (beams, 2)), rng.random(beams) < 0.5, rng.uniform(0.0, 20.0, (mates, 3))
+    laser = rng.integers(-2, 22, 2)
     costs = np.full((20, 18), NO_INFORMATION, np.uint8)
-    expected = costs.copy()
-    trace_beams(costs, x0, y0, ends, marks)
-    planning_references.trace_beams(expected, x0, y0, ends, marks)
+    expected, frame = costs.copy(), (0.0, 0.0, 1.0, 0.0, 1.0)
+    low, high, left, right = observe(
+        costs, frame, (laser + 0.5).tolist(), ends + 0.5, met, others.tolist(), (math.inf, math.inf, 0.0)
+    )
+    marked = met & (np.hypot(*(ends[:, None] + 0.5 - others[:, :2]).T) > others[:, 2:]).all(axis=0)
+    planning_references.trace_beams(expected, *laser.tolist(), ends, ends[marked])
     assert np.array_equal(costs, expected)
+    assert all(left <= column < right and low <= row < high for column, row in (laser.tolist(), *ends.tolist()))
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), st.floats(-50, 50), st.floats(-50, 50))

@@ -66,8 +66,8 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
 }
 
 /* Clear the cells on each beam (Bresenham 1965) from column x0 and row y0 to its end, then mark those in `marks`. */
-void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int64_t y0, const int64_t *ends,
-                 int64_t count, const int64_t *marks, int64_t marked)
+static void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int64_t y0, const int64_t *ends,
+                        int64_t count, const int64_t *marks, int64_t marked)
 {
     for (int64_t beam = 0; beam < count; beam++) {
         const int64_t dx = ends[2 * beam] - x0, dy = ends[2 * beam + 1] - y0, across = MOST(dx, -dx);
@@ -88,6 +88,49 @@ void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int6
         if (0 <= x && x < columns && 0 <= y && y < rows)
             costs[y * columns + x] = LETHAL;
     }
+}
+
+/* The cell (column, row) of a point, and what it adds to a box of rows and columns, from and to. Return whether it is
+   near enough. */
+static int note_cell(const grid_frame *f, double x, double y, int64_t *cell, int64_t *box)
+{
+    const double dx = x - f->x, dy = y - f->y;
+    const double u = floor((f->cosine * dx + f->sine * dy) / f->cell), v = floor((f->cosine * dy - f->sine * dx) / f->cell);
+    if (!(fabs(u) < FAR && fabs(v) < FAR))
+        return 0;
+    cell[0] = (int64_t)u, cell[1] = (int64_t)v;
+    box[0] = LEAST(box[0], cell[1]), box[1] = MOST(box[1], cell[1] + 1);
+    box[2] = LEAST(box[2], cell[0]), box[3] = MOST(box[3], cell[0] + 1);
+    return 1;
+}
+
+/* Clear and mark cells as the beams of a laser (x, y) say, which end at points (count, 2) and met something there or not.
+   `mates` (mate_count, 3: x, y, radius): what is met on them is not marked. `limits`: metres up to which a beam clears,
+   and marks, and that a mark is behind what was met. `cells` has room for 4 * count. Write the box of the cells; return
+   whether all are near enough. */
+int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
+            const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
+            int64_t *cells, int64_t *box)
+{
+    int64_t origin[2], *marks = cells + 2 * count, marked = 0;
+    box[0] = box[2] = INT64_MAX, box[1] = box[3] = INT64_MIN;
+    if (!note_cell(f, laser[0], laser[1], origin, box))
+        return 0;
+    for (int64_t i = 0; i < count; i++) {
+        const double x = points[2 * i], y = points[2 * i + 1], dx = x - laser[0], dy = y - laser[1];
+        const double length = sqrt(dx * dx + dy * dy), least = MOST(length, 1e-9), share = LEAST(limits[0] / least, 1.0);
+        int marks_it = met[i] && length <= limits[1];
+        if (!note_cell(f, laser[0] + dx * share, laser[1] + dy * share, cells + 2 * i, box))
+            return 0;
+        for (int64_t k = 0; marks_it && k < mate_count; k++) {
+            const double *mate = mates + 3 * k, away_x = x - mate[0], away_y = y - mate[1];
+            marks_it = sqrt(away_x * away_x + away_y * away_y) > mate[2];
+        }
+        if (marks_it && !note_cell(f, x + dx * (limits[2] / least), y + dy * (limits[2] / least), marks + 2 * marked++, box))
+            return 0;
+    }
+    trace_beams(costs, rows, columns, origin[0], origin[1], cells, count, marks, marked);
+    return 1;
 }
 
 /* Set the cells whose middle lies in a polygon (count, 2: column, row), by the even-odd rule, to a cost. Write the box of

@@ -115,8 +115,14 @@ void judge_ways(const chipmunk *c, const double *poses, const double *ends, doub
 /* costmaps.c: grids of costs */
 void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach, uint8_t *steps,
              uint16_t *line, uint16_t *squares, const uint8_t *table, int64_t unknown_from, uint8_t *out);
-void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int64_t y0, const int64_t *ends,
-                 int64_t count, const int64_t *marks, int64_t marked);
+/* Where a grid's origin lies, and metres a cell. */
+typedef struct {
+    double x, y, cosine, sine, cell;
+} grid_frame;
+
+int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
+            const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
+            int64_t *cells, int64_t *box);
 int fill_polygon(uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, uint8_t cost,
                  int64_t *box);
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,

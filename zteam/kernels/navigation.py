@@ -56,16 +56,22 @@ def inflate(costs: Bytes, table: Bytes, reach: int, window: Window, unknown_from
     _inflate(costs, window, reach, prices, unknown_from, memory("out", out, *costs.shape, out=True))
 
 
-def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> None:
-    """Clear the cells from the sensor's (column `x0`, row `y0`) to each of `ends` (n, 2), then mark `marks` (m, 2).
+def observe(
+    costs: Bytes, frame: Sequence[float], laser: tuple[float, float], points: Floats, met: NDArray[np.bool_],
+    mates: Sequence[Sequence[float]], limits: tuple[float, float, float],
+) -> Window:  # fmt: skip
+    """Clear and mark cells of `costs` (rows, columns) as the beams of a laser (x, y) say; the window that may change.
 
-    Cells are (column, row); those outside of `costs` (rows, columns) are left out. Raises ValueError.
+    `frame`: x, y, cosine and sine of the origin, and metres a cell. Beams end at `points` (n, 2), and have `met`
+    something there (n) or not: what is met on one of `mates` (x, y, radius) is not marked. `limits`: metres up to which
+    a beam clears, up to which it marks, and that a mark lies behind what was met. Raises ValueError.
     """
-    for name, cells in (("x0, y0", np.array((x0, y0))), ("ends", ends)):
-        check_within(name, cells, -_FARTHEST, _FARTHEST)
-    grid = _grid("costs", costs, out=True)
-    beams = memory("ends", ends, len(ends), 2), len(ends)
-    lib.trace_beams(*grid, x0, y0, *beams, memory("marks", marks, len(marks), 2), len(marks))
+    count, box, flat = len(points), ffi.new("int64_t[4]"), [part for mate in mates for part in mate]
+    given = memory("points", points, count, 2), memory("met", met, count), count, ffi.new("double[]", flat), len(mates)
+    grid, cells = (*_grid("costs", costs, out=True), ffi.new("grid_frame *", frame)), empty(np.int64, 4 * count)[1]
+    if not lib.observe(*grid, laser, *given, limits, cells, box):
+        raise ValueError("points: a beam ends too far away")
+    return tuple(box)
 
 
 def fill_polygon(costs: Bytes, corners: Floats, cost: int) -> Window | None:

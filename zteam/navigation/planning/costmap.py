@@ -15,9 +15,9 @@ from zteam.config.numbers import NotNegative
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
-from zteam.kernels.navigation import MAX_CELLS, Window, fill_polygon, inflate, trace_beams
+from zteam.kernels.navigation import MAX_CELLS, Window, fill_polygon, inflate, observe
 from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc
-from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
+from zteam.navigation.planning.scans import Scan, Teammate, find_ends
 
 Costs = Bytes
 """(rows, columns)."""
@@ -166,20 +166,12 @@ class Costmap:
         points, met = find_ends(scan, base, far)
         if not len(points):
             return
-        laser = base.compose(scan.sensor)
-        start = np.array([[laser.x, laser.y]])
-        origin = np.floor(self.frame.points_to_cells(start)).astype(np.int64)[0]
-        way = points - start
-        length = np.hypot(way[:, 0], way[:, 1])
-        marked = met & (length <= self.options.obstacle_max_range)
-        marked &= ~on_teammates(points, teammates, self.options.teammate_margin)
-        short = np.minimum(1.0, self.options.raytrace_max_range / np.maximum(length, 1e-9))
-        ends = np.floor(self.frame.points_to_cells(start + way * short[:, None])).astype(np.int64)
+        laser, options, origin = base.compose(scan.sensor), self.options, self.frame.origin
+        frame = origin.x, origin.y, math.cos(origin.yaw), math.sin(origin.yaw), self.frame.resolution
+        mates = [(mate.x, mate.y, mate.radius + options.teammate_margin) for mate in teammates]
         # A beam ends on the surface, between two cells: what it has met is in the one behind.
-        behind = points + way * (_BEHIND * self.frame.resolution / np.maximum(length, 1e-9))[:, None]
-        marks = np.floor(self.frame.points_to_cells(behind[marked])).astype(np.int64)
-        trace_beams(self._seen, int(origin[0]), int(origin[1]), ends, marks)
-        self._touch(np.concatenate((ends, marks, origin[None])))
+        limits = options.raytrace_max_range, options.obstacle_max_range, _BEHIND * self.frame.resolution
+        self._widen(observe(self._seen, frame, laser[:2], points, met, mates, limits))
 
     def clear_footprint(self, base: Pose2) -> None:
         """Take what lasers have seen away from under a robot at `base`."""

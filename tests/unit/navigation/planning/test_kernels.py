@@ -35,7 +35,6 @@ REFUSED: dict[str, list[Callable[[], object]]] = {
         lambda: navigation.trace(WEIGHTS, 9, 12, STEPS, np.zeros((6, 8), np.uint32)),
     ],
     "ends": [
-        lambda: navigation.trace_beams(COSTS.copy(), 0, 0, np.array([[1 << 62, 0]]), NOWHERE),
         lambda: navigation.measure_lines(WEIGHTS, WALK, WALK + 5),
         lambda: navigation.measure_lines(WEIGHTS, WALK, WALK[:2]),
     ],
