@@ -133,16 +133,22 @@ int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, 
     return 1;
 }
 
-/* Set the cells whose middle lies in a polygon (count, 2: column, row), by the even-odd rule, to a cost. Write the box of
-   cells that it may touch, in the grid: rows and columns, from and to. Return whether there are any. */
-int fill_polygon(uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, uint8_t cost,
-                 int64_t *box)
+/* Set the cells whose middle lies in an outline (count, 2: x, y), by the even-odd rule, to a cost. The outline is that of
+   a base at a pose; `corners` has room for it in cells. Write the box of cells that it may touch, in the grid: rows and
+   columns, from and to. Return whether there are any. */
+int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *outline, int64_t count,
+                 const double *pose, uint8_t cost, double *corners, int64_t *box)
 {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    for (int64_t i = 0; i < 2 * count; i++) {
-        if (!(fabs(corners[i]) < FAR))
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, cosine, sine;
+    cosine_sine(pose[2], &cosine, &sine);
+    for (int64_t i = 0; i < 2 * count; i += 2) {
+        const double dx = pose[0] + cosine * outline[i] - sine * outline[i + 1] - f->x;
+        const double dy = pose[1] + sine * outline[i] + cosine * outline[i + 1] - f->y;
+        corners[i] = (f->cosine * dx + f->sine * dy) / f->cell, corners[i + 1] = (f->cosine * dy - f->sine * dx) / f->cell;
+        if (!(fabs(corners[i]) < FAR && fabs(corners[i + 1]) < FAR))
             return 0;
-        low[i % 2] = LEAST(corners[i], low[i % 2]), high[i % 2] = MOST(corners[i], high[i % 2]);
+        for (int axis = 0; axis < 2; axis++)
+            low[axis] = LEAST(corners[i + axis], low[axis]), high[axis] = MOST(corners[i + axis], high[axis]);
     }
     box[0] = MOST((int64_t)floor(low[1]), 0), box[1] = LEAST((int64_t)floor(high[1]) + 1, rows);
     box[2] = MOST((int64_t)floor(low[0]), 0), box[3] = LEAST((int64_t)floor(high[0]) + 1, columns);

@@ -123,8 +123,8 @@ typedef struct {
 int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
             const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
             int64_t *cells, int64_t *box);
-int fill_polygon(uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, uint8_t cost,
-                 int64_t *box);
+int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *outline, int64_t count,
+                 const double *pose, uint8_t cost, double *corners, int64_t *box);
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
                  double y, double yaw, const double *motion, int64_t steps, double *points);
 

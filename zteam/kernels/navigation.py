@@ -74,14 +74,17 @@ def observe(
     return tuple(box)
 
 
-def fill_polygon(costs: Bytes, corners: Floats, cost: int) -> Window | None:
-    """Set the cells of `costs` (rows, columns) whose middle lies in a polygon (n, 2; column, row) to a cost.
+def fill_outline(
+    costs: Bytes, frame: Sequence[float], outline: Floats, pose: tuple[float, float, float], cost: int
+) -> Window | None:
+    """Set the cells of `costs` (rows, columns) whose middle lies in an outline (n, 2; base frame) to a cost.
 
-    Return the rows and columns that may have changed, from and to; None if the polygon is outside.
+    `frame` is as for `observe`, and the base at a `pose` (m, m, rad). Return the rows and columns that may have changed,
+    from and to; None if the outline is outside.
     """
-    box, (grid, rows, columns) = ffi.new("int64_t[4]"), _grid("costs", costs, out=True)
-    given = memory("corners", corners, len(corners), 2), len(corners)
-    return tuple(box) if lib.fill_polygon(grid, rows, columns, *given, cost, box) else None
+    count, box, grid = len(outline), ffi.new("int64_t[4]"), _grid("costs", costs, out=True)
+    given = ffi.new("grid_frame *", frame), memory("outline", outline, count, 2), count, pose, cost
+    return tuple(box) if lib.fill_outline(*grid, *given, empty(np.float64, count, 2)[1], box) else None
 
 
 def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, motion: Floats, steps: int) -> int:

@@ -15,7 +15,7 @@ from zteam.config.numbers import NotNegative
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
-from zteam.kernels.navigation import MAX_CELLS, Window, fill_polygon, inflate, observe
+from zteam.kernels.navigation import MAX_CELLS, Window, fill_outline, inflate, observe
 from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends
 
@@ -166,17 +166,15 @@ class Costmap:
         points, met = find_ends(scan, base, far)
         if not len(points):
             return
-        laser, options, origin = base.compose(scan.sensor), self.options, self.frame.origin
-        frame = origin.x, origin.y, math.cos(origin.yaw), math.sin(origin.yaw), self.frame.resolution
+        laser, options = base.compose(scan.sensor), self.options
         mates = [(mate.x, mate.y, mate.radius + options.teammate_margin) for mate in teammates]
         # A beam ends on the surface, between two cells: what it has met is in the one behind.
         limits = options.raytrace_max_range, options.obstacle_max_range, _BEHIND * self.frame.resolution
-        self._widen(observe(self._seen, frame, laser[:2], points, met, mates, limits))
+        self._widen(observe(self._seen, self.frame.place, laser[:2], points, met, mates, limits))
 
     def clear_footprint(self, base: Pose2) -> None:
         """Take what lasers have seen away from under a robot at `base`."""
-        corners = self.frame.points_to_cells(place(self.footprint, *base))
-        self._widen(fill_polygon(self._seen, corners, FREE_SPACE))
+        self._widen(fill_outline(self._seen, self.frame.place, self.footprint.corners, base, FREE_SPACE))
 
     def clear_around(self, base: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""

@@ -31,6 +31,12 @@ class GridGeometry(NamedTuple):
         u, v = self.to_cells(x, y)
         return math.floor(v), math.floor(u)
 
+    @property
+    def place(self) -> tuple[float, float, float, float, float]:
+        """x, y, cosine and sine of the origin, and metres a cell."""
+        x, y, yaw = self.origin
+        return x, y, math.cos(yaw), math.sin(yaw), self.resolution
+
     def holds(self, row: int, column: int) -> bool:
         return 0 <= row < self.rows and 0 <= column < self.columns
 

@@ -5,7 +5,6 @@ cells, then its points move to the side where that is cheaper, both by dynamic p
 """
 
 import math
-from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -208,13 +207,18 @@ def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
     delta = np.diff(points, axis=0)
     lengths = np.hypot(delta[:, 0], delta[:, 1])
     counts = np.maximum(1, np.ceil(lengths / spacing)).astype(np.int64)
-    line = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.repeat(counts, counts)
+    line, share = _spread(counts)
     path = np.empty((len(line) + 1, 3))
     path[:-1, :2] = points[line] + share[:, None] * delta[line]
     path[:-1, 2] = np.arctan2(delta[line, 1], delta[line, 0])
     path[-1] = points[-1, 0], points[-1, 1], yaw
     return path
+
+
+def _spread(counts: Cells) -> tuple[Cells, Floats]:
+    """Of points along lines, so many on each: the line, and how far along it each point is (0 to 1)."""
+    line = np.repeat(np.arange(len(counts)), counts)
+    return line, (np.arange(len(line)) - (np.cumsum(counts) - counts)[line]) / counts[line]
 
 
 def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
@@ -239,8 +243,7 @@ def _drop_straight(corners: Cells) -> Cells:
 
 def _space_out(corners: Cells) -> Cells:
     """The corners, with points on the lines between them, at most _SPACING cells apart."""
-    parts = []
-    for begin, end in pairwise(corners):
-        count = max(1, math.ceil(math.dist(begin, end) / _SPACING))
-        parts.append(np.rint(begin + (end - begin) * (np.arange(count) / count)[:, None]).astype(np.int64))
-    return np.concatenate([*parts, corners[-1:]])
+    delta = np.diff(corners, axis=0)
+    line, share = _spread(np.maximum(1, np.ceil(np.hypot(*delta.T) / _SPACING)).astype(np.int64))
+    points = np.rint(corners[line] + delta[line] * share[:, None]).astype(np.int64)
+    return np.concatenate((points, corners[-1:]))

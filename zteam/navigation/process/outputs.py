@@ -172,5 +172,10 @@ def _header(now: int) -> messages.Header:
 
 
 def _path_message(now: int, path: Floats) -> messages.Path:
-    header = _header(now)
-    return messages.Path(header, [messages.PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])
+    header, turn, heading, poses = _header(now), messages.Quaternion(), 0.0, []
+    for x, y, yaw in path.tolist():
+        if yaw != heading:
+            # Most poses of a line have the same.
+            turn, heading = messages.Quaternion(*quaternion_from_yaw(yaw)), yaw
+        poses.append(messages.PoseStamped(header, messages.Pose(messages.Point(x, y), turn)))
+    return messages.Path(header, poses)
