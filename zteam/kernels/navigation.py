@@ -79,8 +79,8 @@ def fill_outline(
 ) -> Window | None:
     """Set the cells of `costs` (rows, columns) whose middle lies in an outline (n, 2; base frame) to a cost.
 
-    `frame` is as for `observe`, and the base at a `pose` (m, m, rad). Return the rows and columns that may have changed,
-    from and to; None if the outline is outside.
+    `frame` is as for `observe`, and the base at a `pose` (m, m, rad). Return the rows and columns that may have
+    changed, from and to; None if the outline is outside.
     """
     count, box, grid = len(outline), ffi.new("int64_t[4]"), _grid("costs", costs, out=True)
     given = ffi.new("grid_frame *", frame), memory("outline", outline, count, 2), count, pose, cost

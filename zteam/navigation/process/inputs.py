@@ -115,10 +115,10 @@ class Inputs:
 
     def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
         """The other ones of these robots whose place in `map` is known and not old."""
-        found = []
-        for robot_id in sorted(robots):
-            place = self.find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-            if robot_id != self.robot_id and place is not None and now - place[1] <= OLD:
+        found, others = [], sorted({*robots} - {self.robot_id})
+        frames = [names.robot_frame(robot_id, names.BASE_FOOTPRINT) for robot_id in others]
+        for robot_id, place in zip(others, self._transforms.find_poses2(names.MAP_FRAME, frames), strict=True):
+            if place is not None and now - place[1] <= OLD:
                 radius = self._bases.get(robot_id, DEFAULT_BASE).radius
                 found.append(Teammate(place[0].x, place[0].y, radius))
         return found
