@@ -268,40 +268,31 @@ class MakingRoom:
         """The velocity of a robot with this `role` behind a head that keeps its place, as one that is driven by hand
         does, and is at `head` (map); and what it does.
 
-        An empty text means: follow. A text without a velocity means: back up.
+        An empty text means: follow. A text without a velocity means: back up from a robot that comes too near from
+        ahead, or is boxed in, or says that this one is in its way.
 
         `back`: metres behind the head where it belongs. `driven_on`: metres that the robot ahead has driven away since
         its pose, which may be late.
         """
-        self.asking, seen = self._find_asking(view, role, head, driven_on)
-        command = self._go_round(view, seen.get(role.before[-1]), back, limits)
-        if command is not None:
-            return self._escape.free(view, command), f"drives round {names.robot_name(role.before[-1])}"
-        backs_up = self.asking is not None and seen[self.asking].x > 0.0
-        return None, f"makes room for {names.robot_name(self.asking)}" if backs_up else ""
-
-    def _find_asking(
-        self, view: View, role: LineRole, head: Pose2, driven_on: float
-    ) -> tuple[int | None, dict[int, Pose2]]:
-        """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
-
-        And where those of the robots before it are that may do so, in the own base frame.
-        """
-        first, last, asks, seen = role.before[0], role.before[-1], None, {}
-        for robot in role.before:
-            known = robot in (first, last, self.asking) or robot in role.stopped
-            found = view.base_from_robot(robot) if known else None
-            if found is None:
+        before, asked, is_ahead, at = role.before, self.asking, False, None
+        self.asking = None
+        # Those between the first and the last one only ask in words, and until they have room.
+        for robot in before if role.stopped or asked is not None else before[:: max(1, len(before) - 1)]:
+            found = view.base_from_robot(robot)
+            at = found and found[0]
+            if at is None:
                 continue
-            at = seen[robot] = found[0]
-            if driven_on and robot == first:
-                at = seen[robot] = Pose2(at.x + driven_on, at.y, at.yaw)
-            is_boxed = robot == last and self._boxed_in.look(view.now, head)
-            near = ROOM if is_boxed else MET if robot == self.asking else 0.0
-            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == first and is_too_near(at)))
-            if asks is None and (robot in role.stopped or is_near):
-                asks = robot
-        return asks, seen
+            if driven_on and robot == before[0]:
+                at = Pose2(at.x + driven_on, at.y, at.yaw)
+            is_boxed = robot == before[-1] and self._boxed_in.look(view.now, head)
+            near = ROOM if is_boxed else MET if robot == asked else 0.0
+            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
+            if self.asking is None and (is_near or robot in role.stopped):
+                self.asking, is_ahead = robot, at.x > 0.0
+        command = self._go_round(view, at, back, limits)
+        if command is not None:
+            return self._escape.free(view, command), f"drives round {names.robot_name(before[-1])}"
+        return None, f"makes room for {names.robot_name(self.asking)}" if is_ahead else ""
 
     def _go_round(self, view: View, head: Pose2 | None, back: float, limits: SpeedLimits) -> Twist | None:
         """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""

@@ -108,7 +108,7 @@ class Follow(LineMember):
         """In the place of a head that is gone, or that has handed over."""
         if self._before in role.gone:
             lost = see_robot(view, self._before)[0]
-            command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, role.gone)
+            command = self._trail.pass_by(view, own, lost and lost[0], limits, role.gone)
             if command is not None:
                 self._head.rest()
                 return command
@@ -136,7 +136,7 @@ class Follow(LineMember):
         seen, self.reason = see_robot(view, ahead, self.params.stale_after)
         if seen is None:
             return Twist()
-        x, y = own.locate(*seen.pose[:2])
+        x, y = own.locate(*seen[0][:2])
         apart = self._trail.ahead.apart = math.hypot(x, y)
         if apart <= self.params.min_dist:
             return Twist()

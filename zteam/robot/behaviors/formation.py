@@ -292,10 +292,10 @@ class Formation(LineMember):
             self.on_release()
             return Twist()
         members = self._members(view)
-        trail, stamp = self._driven, leader.stamp or view.now
-        if trail.is_far(leader.pose):
-            trail.begin(leader.pose, (), leader.pose, stamp)
-        trail.add(leader.pose, stamp, (len(members) + 1) * self.params.spacing + KEPT)
+        trail, pose, stamp = self._driven, leader[0], leader[1] or view.now
+        if trail.is_far(pose):
+            trail.begin(pose, (), pose, stamp)
+        trail.add(pose, stamp, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         if self.gap:
@@ -305,7 +305,7 @@ class Formation(LineMember):
                 self._trail.forget()
             self._before = len(role.before)
             return self._drive_in_line(view, role, limits, speed, HEAD_TURN_RATE)
-        command, way = self._drive(view, here, leader.pose, slot, target, limits)
+        command, way = self._drive(view, here, pose, slot, target, limits)
         if self._escape.makes_room(view, counts=not self._is_parked):
             command, way = Twist(angular=Vector3(z=1.0)), []
         command = self._escape.free(view, command, way)

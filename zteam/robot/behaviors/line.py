@@ -23,16 +23,12 @@ STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
 """What a behaviour declares as `inputs` that asks for the chain."""
 
 
-class Seen(NamedTuple):
-    """Where a robot is."""
-
-    pose: Pose2
-    stamp: int
-    """Nanoseconds; 0 where nothing on the way ever moves."""
+Seen = tuple[Pose2, int]
+"""Where a robot is in map, and the stamp of that: nanoseconds, 0 where nothing on the way ever moves."""
 
 
 def see_robot(view: View, robot_id: int, stale_after: float = math.inf) -> tuple[Seen | None, str]:
-    """The leader `robot_id` in map; or None and why not: its pose is not known, or older than `stale_after` s."""
+    """The leader `robot_id`; or None and why not: its pose is not known, or older than `stale_after` s."""
     if robot_id == view.robot_id:
         return None, "it cannot follow itself"
     found = view.map_from_robot(robot_id)
@@ -40,11 +36,11 @@ def see_robot(view: View, robot_id: int, stale_after: float = math.inf) -> tuple
         return None, f"leader {names.robot_name(robot_id)} not seen"
     pose, stamp = found
     # A stamp of 0 says that nothing on the way ever moves, so there is no age.
-    if stamp and not view.is_fresh(stamp, stale_after):
+    if stamp and abs(view.now - stamp) > stale_after * 1e9:
         return None, f"leader {names.robot_name(robot_id)} not seen for {stale_after:g} s"
     if not math.isfinite(sum(pose)):
         return None, f"the pose of leader {names.robot_name(robot_id)} is no number"
-    return Seen(pose, stamp), ""
+    return found, ""
 
 
 OnLeaderLost = Literal["relink", "stop", "takeover"]
@@ -87,6 +83,8 @@ class LineRole(NamedTuple):
     """How often the line has been led from the other end since it was there."""
     stopped: Set[int] = frozenset()
     """The robots that say that this one is in their way."""
+    watched: Set[int] = frozenset()
+    """The head, and the neighbours in the line: it waits while the pose of one is old."""
 
     @property
     def ahead(self) -> int | None:
@@ -173,11 +171,12 @@ class Line:
             living[stays:] = living[stays:][::-1]
         at = living.index(view.robot_id)
         after = () if is_tree else tuple(living[at + 1 :])
+        before = tuple(reversed(living[:at]))
         # A robot that stands until a lost one comes back, or that waits itself, is not waited for.
         status = statuses.get(after[0]) if after else None
         waits = bool(after) and (status is None or status.waits_for < 0)
         return LineRole(
-            before=tuple(reversed(living[:at])),
+            before=before,
             after=after,
             behind=after[0] if waits else None,
             head=head,
@@ -187,6 +186,7 @@ class Line:
             gone=gone,
             turns=self.turns,
             stopped={robot for robot, status in statuses.items() if status.blocked_by == view.robot_id},
+            watched={*before[:1], *before[-1:], *after[:1]},
         )
 
     def _count_turns(self, own: int, turns: Mapping[int, int], line: Sequence[int]) -> None:
@@ -239,11 +239,11 @@ def waits_for(robot: int, why: str) -> Reason:
 
 def keep_together(view: View, role: LineRole) -> tuple[float, str]:
     """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
-    behind, seen = role.behind, None if role.behind is None else view.base_from_robot(role.behind)
-    if behind is None or seen is None:
+    seen = None if role.behind is None else view.base_from_robot(role.behind)
+    if role.behind is None or seen is None:
         return 1.0, ""
-    apart = math.hypot(seen[0].x, seen[0].y)
-    share = min(1.0, (role.gap + TORN - apart) / (TORN - STRETCHED))
-    share = share if share > LEAST_SHARE else 0.0
+    share = (role.gap + TORN - math.hypot(seen[0].x, seen[0].y)) / (TORN - STRETCHED)
+    if share > LEAST_SHARE:
+        return min(1.0, share), ""
     # Without the distance: each other text is a line of the log and a status.
-    return share, "" if share else f"waits for {names.robot_name(behind)} behind it"
+    return 0.0, f"waits for {names.robot_name(role.behind)} behind it"

@@ -60,7 +60,7 @@ def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
 def places_of(view: View, robots: Sequence[int]) -> list[Point2]:
     """Where those are in map that are seen."""
     seen = (see_robot(view, robot)[0] for robot in robots)
-    return [each.pose[:2] for each in seen if each is not None]
+    return [each[0][:2] for each in seen if each is not None]
 
 
 def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
@@ -147,7 +147,7 @@ class Ahead:
     """The robot to follow, as it was seen last."""
 
     def __init__(self) -> None:
-        self._seen = Seen(Pose2(0.0, 0.0, 0.0), 0)
+        self._seen: Seen = Pose2(0.0, 0.0, 0.0), 0
         self.apart = 0.0
         """Metres to it."""
         self.leaves = 0.0
@@ -161,17 +161,17 @@ class Ahead:
 
     def see(self, own: Pose2, ahead: Seen, now: int) -> None:
         """It was there; `own`: the robot that follows, in map, at the time `now` (ns)."""
-        (x, y, _), before = ahead.pose, self._seen.pose
+        ((x, y, _), stamp), (before, last) = ahead, self._seen
         off_x, off_y, moved_x, moved_y = x - own.x, y - own.y, x - before.x, y - before.y
         self.apart = math.hypot(off_x, off_y)
-        seconds = (ahead.stamp - self._seen.stamp) / 1e9
+        seconds = (stamp - last) / 1e9
         if seconds > 0.0:
             moved = off_x * moved_x + off_y * moved_y
             self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
             self._steadily += SMOOTHING * (self.leaves - self._steadily)
             self.moves = math.hypot(moved_x, moved_y) > SLOW * seconds
             self._seen = ahead
-        self.driven_on = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
+        self.driven_on = max(0.0, self._steadily) * max(0.0, (now - stamp) / 1e9) if stamp else 0.0
 
 
 class Trail:
@@ -236,39 +236,38 @@ class Trail:
         self._update(view, before, head, own, length)
         self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
+        path = trail.path
         if self._is_far_behind(length):
-            self._place, self._off = after_loop(trail.path, self._place, self._off, own, ahead.pose)
+            self._place, self._off = after_loop(path, self._place, self._off, own, ahead[0])
+        here, age = self._place, max(0.0, (view.now - head[1]) / 1e9) if head[1] else 0.0
+        error = trail.place + trail.speed * age - length - here
+        speed, passed = self._speed(own, ahead[0], error), role.gone
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (role.may_turn and self._has_place)
-        age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
-        error = trail.place + trail.speed * age - length - self._place
-        is_late, speed = error > LAGS, self._speed(own, ahead.pose, error)
-        self._has_place = self._has_place or not is_late
-        passed = role.gone
-        if is_late:
-            passed = {*passed, *overtaken(view, own, trail.path, self._place, role.after)}
+        if error > LAGS:
+            passed = {*passed, *overtaken(view, own, path, here, role.after)}
+        else:
+            self._has_place = True
         # One that is in the way of a robot behind it does not wait for that.
         goes_on = role.behind in passed or not role.stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        command: Twist | None = None
-        does = ""
-        if alone:
-            on = self.ahead.driven_on
-            command, does = self._making_room.step(view, role, head.pose, length, limits, driven_on=on)
-        else:
+        if not alone:
             self._making_room.asking = None
-        if does:
-            behind = [own.locate(*trail.path.point(self._place - LEAD))]
-            return command or self._escape.free(view, back_up(own, trail.path, self._place), behind), does
+        else:
+            on = self.ahead.driven_on
+            command, does = self._making_room.step(view, role, head[0], length, limits, driven_on=on)
+            if does:
+                behind = [own.locate(*path.point(here - LEAD))]
+                return command or self._escape.free(view, back_up(own, path, here), behind), does
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves:
-            there, off = trail.path.near(ahead.pose, self._place - BEHIND, self._place + BEHIND)
-            if there < self._place + PAST and off < BESIDE:
+            there, off = path.near(ahead[0], here - BEHIND, here + BEHIND)
+            if there < here + PAST and off < BESIDE:
                 return Twist(), waits_for(before[0], "comes past")
-        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
+        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, before[0])
         is_slow = view.odom is None or view.odom.twist.twist.linear.x < WANTED
-        way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else []
+        way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else ()
         command = self._escape.free(view, command, way)
         return command, "is stuck: leaves its way" if self._escape.is_moving else ""
 
@@ -287,15 +286,16 @@ class Trail:
 
     def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, length: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
-        trail, stamp = self._trail, head.stamp or view.now
-        if before[-1] != self._leads or trail.is_far(head.pose):
-            way = self._way_to(view, before, head.pose, length)
+        trail, (pose, stamp) = self._trail, head
+        stamp = stamp or view.now
+        if before[-1] != self._leads or trail.is_far(pose):
+            way = self._way_to(view, before, pose, length)
         elif self._is_far_behind(length) and self._is_far_behind(length_in_sight(view, before, own)):
             way = places_of(view, before[:-1])
         else:
-            trail.add(head.pose, stamp, trail.place - self._place + KEPT)
+            trail.add(pose, stamp, trail.place - self._place + KEPT)
             return
-        trail.begin(own, way, head.pose, stamp)
+        trail.begin(own, way, pose, stamp)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
 
     def _way_to(self, view: View, before: Sequence[int], head: Pose2, length: float) -> list[Point2]:
@@ -376,9 +376,9 @@ def find_silent(view: View, role: LineRole) -> int | None:
     """A robot of the line that is silent, or a neighbour or head whose pose is old; None without one."""
     if view.silent and (silent := [robot for robot in (*role.before, *role.after) if robot in view.silent]):
         return silent[0]
-    for robot in {*role.before[:1], *role.before[-1:], *role.after[:1]}:
+    for robot in role.watched:
         seen = view.map_from_robot(robot)
-        if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):
+        if seen is not None and seen[1] and abs(view.now - seen[1]) > SILENT_AFTER * 1e9:
             return robot
     return None
 
@@ -420,13 +420,15 @@ class LineMember(Behavior):
         self._silent = None
         return self._line.find_role(view, leader, on_lost, may_turn=self._may_turn)
 
-    def _locate(self, view: View, role: LineRole, limits: SpeedLimits) -> tuple[Pose2 | None, Twist]:
-        """The own pose in map, a part of its way; None where it has to stand, or spreads out: at this velocity."""
-        own = own_pose(view)
+    def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
+        """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
+        ahead, own = role.ahead, own_pose(view)
+        if not role.reason:
+            self.follows = ahead
         self.reason = role.reason or (NO_POSE if own is None else "")
         if own is None or role.reason:
             self.on_release()
-            return None, Twist()
+            return Twist()
         self._silent = find_silent(view, role)
         if self._silent is not None:
             # That the line does not get on meanwhile is no reason for anything.
@@ -436,21 +438,13 @@ class LineMember(Behavior):
             self._trail.rest()
             self._trail.forget()
             self.reason = "spreads out: neither end of the line can advance"
-            return None, spread(view, role, limits)
+            return spread(view, role, limits)
         self._trail.note(own)
         # What it does as the other one does not count: to lead, or to follow.
-        (self._trail if role.ahead is None else self._head).rest()
-        return own, Twist()
-
-    def _drive_in_line(self, view: View, role: LineRole, limits: SpeedLimits, speed: float, turn_rate: float) -> Twist:
-        """The velocity of a robot that leads the line at this speed and turn rate, or is in it."""
-        if not role.reason:
-            self.follows = role.ahead
-        own, command = self._locate(view, role, limits)
-        if own is None:
-            return command
-        if role.ahead is None:
+        if ahead is None:
+            self._trail.rest()
             return self._lead(view, own, role, limits, speed, turn_rate)
+        self._head.rest()
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
             self._line.turn_on()
         return self._follow(view, own, role, limits)
