@@ -296,6 +296,10 @@ typedef struct {
     double noise;              /* metres: the mean deviation of a pose from the place that was expected; 0: not known */
     int64_t has_turned, count; /* whether the path ends where the leader turned round; how many samples there are */
     double samples[128][4];    /* the newest poses: place, x, y, yaw; one is room for the leader's */
+    double ahead[2];           /* of a robot that follows: where the robot ahead of it was seen last */
+    int64_t ahead_stamp;       /* when that was (ns) */
+    double leaves, steadily;   /* m/s at which that one drives away, negative where it comes nearer; the same smoothed */
+    int64_t moves, is_parked;  /* whether that one drives at all; whether the robot stands behind a standing leader */
 } trail;
 
 /* polylines.c. What is no number is not appended, and is a place before the first one. 0 without a point or memory. */
@@ -312,9 +316,14 @@ int find_nearest(const polyline *p, double x, double y, double low, double high,
 double find_beside(const polyline *p, double x, double y, double within, double low, double high);
 /* Begin a trail whose path and poses are set. */
 void begin_trail(trail *t);
-/* The leader's pose so many seconds after the last one; forget what lies more than `keep` metres behind it. */
+/* The leader's pose so many seconds after the last one; forget what lies more than `keep` metres behind it. Return 0 if it
+   is no number or not later, -1 if there is no last one or it is too far from that. */
 int extend_trail(trail *t, double x, double y, double yaw, double seconds, double keep);
-int trail_stands(const trail *t);
+/* A robot at `own` and its `place` (m) on the trail belongs `back` metres behind the leader. The robot ahead of it is
+   `apart` metres away. Times are in ns; a stamp of 0 has none. Write the speed (m/s), the metres that it is behind where it
+   belongs, and those that the robot ahead has driven away since its pose; return whether that one comes past to its place. */
+int follow_trail(trail *t, const double *own, double place, double back, double x, double y, double apart,
+                 int64_t stamp, int64_t leader_stamp, int64_t now, double *found);
 /* The pose at a place, or so far to the left of it, straight on before the beginning and ahead; its curvature (1/m). */
 void find_trail_pose(trail *t, double place, double lateral, double *pose);
 double trail_curvature(trail *t, double place);

@@ -171,7 +171,7 @@ double find_beside(const polyline *p, double x, double y, double within, double 
 #define REVERSE 0.05
 /* Metres beside its trail at which it backs up another way. */
 #define BESIDE 0.2
-/* Metres of the trail's end along which it may back up from one pose to the next. */
+/* Metres from one pose to the next: along so much of the trail's end it may back up, and what is further was moved. */
 #define JUMP 1.0
 /* Metres on either side between which a direction is measured. */
 #define CHORD 0.1
@@ -314,7 +314,9 @@ static void grow(trail *t)
 
 int extend_trail(trail *t, double x, double y, double yaw, double seconds, double keep)
 {
-    if (!t->path->count || !isfinite(x) || !isfinite(y) || !isfinite(yaw) || !(seconds > 0.0))
+    if (!t->path->count || length(x - t->leader[0], y - t->leader[1]) > JUMP)
+        return -1;
+    if (!isfinite(x) || !isfinite(y) || !isfinite(yaw) || !(seconds > 0.0))
         return 0;
     t->leader[0] = x, t->leader[1] = y, t->leader[2] = yaw;
     estimate(t, measure(t), seconds);
@@ -327,9 +329,55 @@ int extend_trail(trail *t, double x, double y, double yaw, double seconds, doubl
     return 1;
 }
 
-int trail_stands(const trail *t)
+static int stands(const trail *t)
 {
     return fabs(t->speed) < STANDING + PER_NOISE * (t->noise - LEAST_NOISE);
+}
+
+/* Of the speed at which the robot ahead drives away, by each new pose: noise of a pose is no way. */
+#define SMOOTHING 0.25
+/* m/s below which a robot does not come past to its place; and what is slower stands, and says why. */
+#define SLOW 0.1
+#define CREEP 0.01
+/* Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn. */
+#define NEAREST 0.6
+/* 1/s: speed besides that of the leader, by the error of the distance to it; by the room to the robot ahead. */
+#define GAIN 1.0
+#define NEAR_GAIN 1.5
+/* Metres to its place behind a standing leader at which a robot stops, and at which it goes on. */
+#define PARKED 0.03
+#define LEFT 0.1
+/* Metres of the trail: a robot that is no further behind, no further ahead, and no further beside it comes past to its
+   place, and is waited for. */
+#define BEHIND 5.0
+#define PAST 0.3
+#define OUT 1.0
+
+int follow_trail(trail *t, const double *own, double place, double back, double x, double y, double apart,
+                 int64_t stamp, int64_t leader_stamp, int64_t now, double *found)
+{
+    double off_x = x - own[0], off_y = y - own[1], seconds = (stamp - t->ahead_stamp) / 1e9, cosine, sine, there[2];
+    if (seconds > 0.0) {
+        double moved_x = x - t->ahead[0], moved_y = y - t->ahead[1], moved = off_x * moved_x + off_y * moved_y;
+        t->leaves = seconds < 1.0 ? moved / (apart > NEAREST ? apart : NEAREST) / seconds : 0.0;
+        t->steadily += SMOOTHING * (t->leaves - t->steadily);
+        t->moves = length(moved_x, moved_y) > SLOW * seconds;
+        t->ahead[0] = x, t->ahead[1] = y, t->ahead_stamp = stamp;
+    }
+    double late = stamp && now > stamp ? (now - stamp) / 1e9 : 0.0;
+    double driven_on = t->steadily > 0.0 ? t->steadily * late : 0.0;
+    late = leader_stamp && now > leader_stamp ? (now - leader_stamp) / 1e9 : 0.0;
+    double error = t->place + t->speed * late - back - place;
+    t->is_parked = error < (t->is_parked ? LEFT : PARKED) && stands(t);
+    double speed = t->is_parked ? 0.0 : t->speed + GAIN * error;
+    cosine_sine(own[2], &cosine, &sine);
+    if (cosine * off_x + sine * off_y > 0.0) {
+        double most = t->leaves + NEAR_GAIN * (apart + driven_on - NEAREST);
+        speed = speed < most ? speed : most;
+    }
+    found[0] = speed >= CREEP ? speed : 0.0, found[1] = error, found[2] = driven_on;
+    return t->moves && find_nearest(t->path, x, y, place - BEHIND, place + BEHIND, there) && there[0] < place + PAST
+        && there[1] < OUT;
 }
 
 void find_trail_pose(trail *t, double place, double lateral, double *pose)

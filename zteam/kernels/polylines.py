@@ -12,8 +12,6 @@ Pose = tuple[float, float, float]
 _read_two, _read_three = Struct("2d").unpack_from, Struct("3d").unpack_from
 SAME, BACK_STEP = 0.25, 0.1
 """Metres between two points at which a way is at the same place again, and between two points of the way back."""
-JUMP = 1.0
-"""Metres in one step after which the leader has not driven but was moved."""
 NO_POINT = "a path without a point has no place"
 
 
@@ -114,15 +112,6 @@ class LeaderTrail:
         """The trail up to a little behind the leader."""
         self._trail.path = self.path.line
 
-    @property
-    def stands(self) -> bool:
-        """Whether the leader stands, as far as can be told."""
-        return bool(lib.trail_stands(self._trail))
-
-    def is_far(self, leader: Pose) -> bool:
-        """Whether the leader cannot have driven to this pose from the last one: it was set down there."""
-        return math.dist(leader[:2], self.leader[:2]) > JUMP
-
     def begin(self, first: Pose, way: Iterable[Point], leader: Pose, stamp: int) -> None:
         """Begin anew with a way from `first` to this pose of the leader, of time `stamp` (ns)."""
         path, trail = Polyline([first[:2], *way, leader[:2]]), self._trail
@@ -133,12 +122,31 @@ class LeaderTrail:
         lib.begin_trail(trail)
         self.leader, self.stamp, self.place, self.speed = leader, stamp, path.end, 0.0
 
-    def add(self, leader: Pose, stamp: int, keep: float) -> None:
-        """The leader's newest pose, not far from the last one, of time `stamp` (ns). Forgets what lies more than `keep`
-        metres behind."""
-        if lib.extend_trail(self._trail, *leader, (stamp - self.stamp) / 1e9, keep):
+    def add(self, leader: Pose, stamp: int, keep: float) -> bool:
+        """The leader's newest pose, of time `stamp` (ns). Forgets what lies more than `keep` metres behind.
+
+        False if there is no last pose, or it cannot have driven on from there: begin anew.
+        """
+        added = lib.extend_trail(self._trail, *leader, (stamp - self.stamp) / 1e9, keep)
+        if added > 0:
             self.leader, self.stamp = leader, stamp
             self.place, self.speed = self._trail.place, self._trail.speed
+        return added >= 0  # type: ignore[no-any-return]
+
+    def follow(
+        self, own: Pose, place: float, length: float, ahead: Pose, apart: float, stamp: int, leader_stamp: int, now: int
+    ) -> tuple[tuple[float, float, float], bool]:
+        """How a robot at `own` and its `place` follows, `length` behind the leader. The robot ahead of it is `apart`
+        away; times are in ns, and a stamp of 0 has none.
+
+        The speed, how far it is behind where it belongs, and how far the robot ahead has driven away since its pose,
+        which may be late; and whether that one comes past to its place.
+        """
+        x, y, _ = ahead
+        comes_past = lib.follow_trail(
+            self._trail, own, place, length, x, y, apart, stamp, leader_stamp, now, self._found
+        )
+        return _read_three(self._read), comes_past != 0
 
     def at(self, place: float, lateral: float = 0.0) -> Pose:
         """The pose that the leader had at this place, or so far to the left of it; extrapolated straight behind the

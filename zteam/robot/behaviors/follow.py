@@ -137,7 +137,7 @@ class Follow(LineMember):
         if seen is None:
             return Twist()
         x, y = own.locate(*seen[0][:2])
-        apart = self._trail.ahead.apart = math.hypot(x, y)
+        apart = self._trail.apart = math.hypot(x, y)
         if apart <= self.params.min_dist:
             return Twist()
         return self._around.drive_to(view, x, y, limits, ahead, LEADER_ROOM)

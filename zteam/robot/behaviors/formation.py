@@ -293,9 +293,8 @@ class Formation(LineMember):
             return Twist()
         members = self._members(view)
         trail, pose, stamp = self._driven, leader[0], leader[1] or view.now
-        if trail.is_far(pose):
+        if not trail.add(pose, stamp, (len(members) + 1) * self.params.spacing + KEPT):
             trail.begin(pose, (), pose, stamp)
-        trail.add(pose, stamp, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         if self.gap:

@@ -37,9 +37,6 @@ MARGIN = 0.1
 """Metres before a robot in which what the laser sees may be that robot."""
 NEAREST = 0.6
 """Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
-BEHIND, PAST, BESIDE = 5.0, 0.3, 1.0
-"""Metres of the trail: a robot that is no further behind, no further ahead, and no further beside it comes past to its
-place, and is waited for."""
 LOOK_ON, BODY = 1.5, 0.15
 """Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 
@@ -115,24 +112,14 @@ BACK, AHEAD = 0.3, 0.5
 """Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
 ASIDE = 0.3
 """Metres from the trail within which it has come back to the robot."""
-GAIN, NEAR_GAIN = 1.0, 1.5
-"""1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
 LEAD, LEADS = 0.4, 6
 """Metres between the points of the trail ahead, and how many there are, along which it gets past what stops it."""
 WANTED = 0.1
 """m/s from which on it wants to get on also where it is less behind."""
-PARKED, LEFT = 0.03, 0.1
-"""Metres to its place behind a standing head at which a robot stops, and at which it goes on."""
-CREEP = 0.01
-"""m/s: what is slower stands, and says why."""
 PASSING = 0.4
 """m/s past a lost head."""
-SMOOTHING = 0.25
-"""Of the speed at which the robot ahead drives away, by each new pose: noise of a pose is no way."""
-SLOW = 0.1
-"""m/s below which a robot does not come past to its place."""
 SCRIBBLE = 2.0
 """So many times longer than the way straight from robot to robot a trail is given up."""
 BEYOND = 1.9
@@ -141,37 +128,6 @@ NEARLY = 0.1
 """Metres to the end of that way within which it is past."""
 STALLED, PROGRESS = to_ns(3.0), 0.05
 """It gives that way up where it has not got on so many metres in so many nanoseconds: a wall may stand at its end."""
-
-
-class Ahead:
-    """The robot to follow, as it was seen last."""
-
-    def __init__(self) -> None:
-        self._seen: Seen = Pose2(0.0, 0.0, 0.0), 0
-        self.apart = 0.0
-        """Metres to it."""
-        self.leaves = 0.0
-        """m/s at which it drives away; negative where it comes nearer."""
-        self._steadily = 0.0
-        """The same smoothed, m/s."""
-        self.driven_on = 0.0
-        """Metres that it has driven away since that pose, which may be late."""
-        self.moves = False
-        """Whether it drives at all."""
-
-    def see(self, own: Pose2, ahead: Seen, now: int) -> None:
-        """It was there; `own`: the robot that follows, in map, at the time `now` (ns)."""
-        ((x, y, _), stamp), (before, last) = ahead, self._seen
-        off_x, off_y, moved_x, moved_y = x - own.x, y - own.y, x - before.x, y - before.y
-        self.apart = math.hypot(off_x, off_y)
-        seconds = (stamp - last) / 1e9
-        if seconds > 0.0:
-            moved = off_x * moved_x + off_y * moved_y
-            self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
-            self._steadily += SMOOTHING * (self.leaves - self._steadily)
-            self.moves = math.hypot(moved_x, moved_y) > SLOW * seconds
-            self._seen = ahead
-        self.driven_on = max(0.0, self._steadily) * max(0.0, (now - stamp) / 1e9) if stamp else 0.0
 
 
 class Trail:
@@ -194,8 +150,8 @@ class Trail:
         """The place from which on the trail is the way of a robot: before that it may lead through walls."""
         self._left: tuple[float, float] | None = None
         """The last place on that part at which it was, and where that is on its own way; None: it was at none."""
-        self.ahead = Ahead()
-        self._is_parked = False
+        self.apart = 0.0
+        """Metres to the robot ahead."""
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
@@ -234,14 +190,15 @@ class Trail:
             self.rest()
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._update(view, before, head, own, length)
-        self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
         path = trail.path
         if self._is_far_behind(length):
             self._place, self._off = after_loop(path, self._place, self._off, own, ahead[0])
-        here, age = self._place, max(0.0, (view.now - head[1]) / 1e9) if head[1] else 0.0
-        error = trail.place + trail.speed * age - length - here
-        speed, passed = self._speed(own, ahead[0], error), role.gone
+        here, passed, (pose, stamp) = self._place, role.gone, ahead
+        self.apart = math.hypot(pose.x - own.x, pose.y - own.y)
+        (speed, error, driven_on), comes_past = trail.follow(
+            own, here, length, pose, self.apart, stamp, head[1], view.now
+        )
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (role.may_turn and self._has_place)
         if error > LAGS:
@@ -254,17 +211,14 @@ class Trail:
         if not alone:
             self._making_room.asking = None
         else:
-            on = self.ahead.driven_on
-            command, does = self._making_room.step(view, role, head[0], length, limits, driven_on=on)
+            command, does = self._making_room.step(view, role, head[0], length, limits, driven_on=driven_on)
             if does:
                 behind = [own.locate(*path.point(here - LEAD))]
                 return command or self._escape.free(view, back_up(own, path, here), behind), does
         if share == 0.0:
             return Twist(), reason
-        if alone and len(before) > 1 and self.ahead.moves:
-            there, off = path.near(ahead[0], here - BEHIND, here + BEHIND)
-            if there < here + PAST and off < BESIDE:
-                return Twist(), waits_for(before[0], "comes past")
+        if alone and len(before) > 1 and comes_past:
+            return Twist(), waits_for(before[0], "comes past")
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, before[0])
         is_slow = view.odom is None or view.odom.twist.twist.linear.x < WANTED
         way = self._way_ahead(own) if speed * share > WANTED and (is_slow or self._escape.is_moving) else ()
@@ -276,24 +230,16 @@ class Trail:
         count = max(1, min(LEADS, int((self._trail.path.end - self._place) / LEAD)))
         return [own.locate(*self._trail.path.point(self._place + LEAD * (i + 1))) for i in range(count)]
 
-    def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
-        """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
-        self._is_parked = error < (LEFT if self._is_parked else PARKED) and self._trail.stands
-        speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
-        if own.locate(ahead.x, ahead.y)[0] > 0.0:
-            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
-        return speed if speed >= CREEP else 0.0
-
     def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, length: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, (pose, stamp) = self._trail, head
-        stamp = stamp or view.now
-        if before[-1] != self._leads or trail.is_far(pose):
-            way = self._way_to(view, before, pose, length)
-        elif self._is_far_behind(length) and self._is_far_behind(length_in_sight(view, before, own)):
+        stamp, is_other = stamp or view.now, before[-1] != self._leads
+        far_behind = not is_other and self._is_far_behind(length)
+        if far_behind and self._is_far_behind(length_in_sight(view, before, own)):
             way = places_of(view, before[:-1])
+        elif is_other or not trail.add(pose, stamp, trail.place - self._place + KEPT):
+            way = self._way_to(view, before, pose, length)
         else:
-            trail.add(pose, stamp, trail.place - self._place + KEPT)
             return
         trail.begin(own, way, pose, stamp)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
@@ -474,4 +420,4 @@ class LineMember(Behavior):
             return waits_for(self._silent, "is silent")
         if self.follows is None:
             return "it looks for a way to lead the line"
-        return waits_for(self.follows, f"is {self._trail.ahead.apart:.1f} m away")
+        return waits_for(self.follows, f"is {self._trail.apart:.1f} m away")
