@@ -314,6 +314,10 @@ int find_pose(const polyline *p, double s, double *pose);
 int find_nearest(const polyline *p, double x, double y, double low, double high, double *found);
 /* The place of the first point from low to high that is within some metres of this one; high without any. */
 double find_beside(const polyline *p, double x, double y, double within, double low, double high);
+/* The velocity (m/s, rad/s) of a robot at a pose (m, m, cosine and sine) that keeps to a path from its place `s` on, by the
+   point that is `ahead` metres further on. The limits are m/s, rad/s and m/s² to the side. 0 without a point. */
+int pursue(const polyline *p, const double *pose, double s, double ahead, double speed, const double *limits,
+           double *velocity);
 /* Begin a trail whose path and poses are set. */
 void begin_trail(trail *t);
 /* The leader's pose so many seconds after the last one; forget what lies more than `keep` metres behind it. Return 0 if it

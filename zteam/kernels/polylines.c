@@ -160,6 +160,42 @@ double find_beside(const polyline *p, double x, double y, double within, double 
     return high;
 }
 
+/* Radians: a robot turns on the spot while the point that it drives to is further to the side; 1/s: by that angle. */
+#define TURN_ON_THE_SPOT 1.0
+#define TURN_GAIN 4.0
+/* Metres: a nearer point tells no direction. */
+#define NEAR 0.02
+
+int pursue(const polyline *p, const double *pose, double s, double ahead, double speed, const double *limits,
+           double *velocity)
+{
+    double to[3], cosine, sine, beyond = s + ahead - p->end;
+    velocity[0] = velocity[1] = 0.0;
+    if (!find_pose(p, s + ahead, to))
+        return 0;
+    if (beyond > 0.0) {
+        cosine_sine(to[2], &cosine, &sine);
+        to[0] += beyond * cosine, to[1] += beyond * sine;
+    }
+    double off_x = to[0] - pose[0], off_y = to[1] - pose[1];
+    double x = pose[2] * off_x + pose[3] * off_y, y = pose[2] * off_y - pose[3] * off_x, square = x * x + y * y;
+    /* The path goes on, back past this place. */
+    if (square < NEAR * NEAR && beyond < 0.0 && ahead > 0.0)
+        return pursue(p, pose, s, 2.0 * ahead, speed, limits, velocity);
+    if (square < NEAR * NEAR || speed <= 0.0)
+        return 1;
+    double angle = angle_of(x, y), curvature = 2.0 * y / square, bend = fabs(curvature);
+    if (fabs(angle) > TURN_ON_THE_SPOT) {
+        velocity[1] = clamp(TURN_GAIN * angle, -limits[1], limits[1]);
+        return 1;
+    }
+    speed = speed < limits[0] ? speed : limits[0];
+    speed = speed * bend > limits[1] ? limits[1] / bend : speed;
+    velocity[0] = speed * speed * bend > limits[2] ? sqrt(limits[2] / bend) : speed;
+    velocity[1] = velocity[0] * curvature;
+    return 1;
+}
+
 /* Metres between two points of the trail. */
 #define SPACING 0.1
 /* Metres of the way before and behind a point of the trail whose poses tell where it is: without noise, and at most. */

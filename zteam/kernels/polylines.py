@@ -76,6 +76,20 @@ class Polyline:
             raise IndexError(NO_POINT)
         return _read_two(self._read)
 
+    def pursue(
+        self, pose: Pose, s: float, ahead: float, speed: float, limits: tuple[float, float, float]
+    ) -> tuple[float, float]:
+        """The velocity (m/s, rad/s) that keeps a robot at `pose` to this path from its place `s` on.
+
+        It drives to the point that is `ahead` (m) further on. It has limits of speed, turn rate, and acceleration to the
+        side.
+        """
+        x, y, yaw = pose
+        at = x, y, math.cos(yaw), math.sin(yaw)
+        if not lib.pursue(self.line, at, s, ahead, speed, limits, self._found):
+            raise IndexError(NO_POINT)
+        return _read_two(self._read)
+
     def way_back(self, place: float) -> list[Point]:
         """From its end back to a place on it, without what it went twice."""
         back, at = [self.point(self.end)], self.end

@@ -108,6 +108,8 @@ class Line:
         self._role = LineRole()
         """The last one found, by what follows."""
         self._statuses: object = self
+        self._told: list[tuple[float, ...]] = []
+        """What the statuses say of the line."""
         self._found_by: tuple[object, ...] = ()
 
     def find_gone(self, view: View) -> Set[int]:
@@ -130,10 +132,13 @@ class Line:
     ) -> LineRole:
         """The role of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
         statuses: Mapping[int, Any] | None = view.inputs.get("statuses")
-        found_by = leader, on_lost, may_turn, self.turns, view.team, view.silent
-        # Statuses come at 1 Hz, the next ones in another mapping.
-        if statuses is not self._statuses or found_by != self._found_by or self._cut_off:
-            self._statuses, self._found_by = statuses, found_by
+        # Statuses come at 1 Hz, the next ones in another mapping, and mostly say the same.
+        if statuses is not self._statuses:
+            self._statuses, told = statuses, (statuses or {}).items()
+            self._told = [(robot, s.leader, s.gap, s.turns, s.waits_for, s.blocked_by) for robot, s in told]
+        found_by = leader, on_lost, may_turn, self.turns, view.team, view.silent, self._told
+        if found_by != self._found_by or self._cut_off:
+            self._found_by = found_by
             self._role = self._new_role(view, leader, on_lost, statuses or {}, may_turn)
         return self._role
 

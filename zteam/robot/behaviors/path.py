@@ -7,7 +7,7 @@ from msgspec import Meta, Struct
 
 from zteam.config.numbers import Coordinate
 from zteam.config.problems import KeyValueError
-from zteam.geometry import Pose2, curvature_to
+from zteam.geometry import Pose2
 from zteam.kernels.polylines import Polyline
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
@@ -15,12 +15,6 @@ from zteam.robot.view import NO_POSE, View, own_pose
 
 LOOK_AHEAD = 0.3
 """Metres along the path from the robot to the point that it drives to."""
-TURN_ON_THE_SPOT = 1.0
-"""Radians: it turns on the spot while the point is further to the side."""
-TURN_GAIN = 4.0
-"""1/s: the turn on the spot, by the angle that is left."""
-_NEAR = 0.02
-"""Metres: a nearer point tells no direction."""
 
 
 class SpeedLimits(Struct, frozen=True):
@@ -46,32 +40,8 @@ def pursue(
     It slows down where the arc is too narrow for that speed, and it turns on the spot where the path leads to the side
     or back. At the end of the path it drives straight on: give a speed of 0 there. Raises IndexError without a path.
     """
-    target_x, target_y, yaw = path.at(s + look_ahead)
-    beyond = s + look_ahead - path.end
-    if beyond > 0.0:
-        target_x, target_y = target_x + beyond * math.cos(yaw), target_y + beyond * math.sin(yaw)
-    x, y = pose.locate(target_x, target_y)
-    square = x * x + y * y
-    if square < _NEAR * _NEAR and beyond < 0.0:
-        # The path goes on, back past this place.
-        return pursue(pose, path, s, speed, limits, 2.0 * look_ahead)
-    if square < _NEAR * _NEAR or speed <= 0.0:
-        return Twist()
-    angle = math.atan2(y, x)
-    if abs(angle) > TURN_ON_THE_SPOT:
-        return Twist(angular=Vector3(z=limits.clamp_turn(TURN_GAIN * angle)))
-    curvature = curvature_to(y, square)
-    speed = slow_down(speed, curvature, limits)
-    return Twist(linear=Vector3(x=speed), angular=Vector3(z=speed * curvature))
-
-
-def slow_down(speed: float, curvature: float, limits: SpeedLimits) -> float:
-    """The largest speed (m/s) up to `speed` with which a robot may drive an arc of this curvature (1/m)."""
-    bend = abs(curvature)
-    speed = min(speed, limits.linear)
-    if speed * bend > limits.angular:
-        speed = limits.angular / bend
-    return math.sqrt(limits.lateral / bend) if speed * speed * bend > limits.lateral else speed
+    linear, turn = path.pursue(pose, s, look_ahead, speed, (limits.linear, limits.angular, limits.lateral))
+    return Twist(Vector3(linear), Vector3(z=turn))
 
 
 LATERAL = 0.5

@@ -7,7 +7,7 @@ import pytest
 from support.flat_floor import drive
 from zteam.geometry import Pose2
 from zteam.kernels.polylines import Polyline
-from zteam.robot.behaviors.path import SpeedLimits, pursue, slow_down
+from zteam.robot.behaviors.path import SpeedLimits, pursue
 
 STRAIGHT = Polyline([(0.0, 0.0), (10.0, 0.0)])
 LIMITS = SpeedLimits(linear=0.7)
@@ -58,4 +58,6 @@ def test_it_turns_on_the_spot_when_the_path_leads_elsewhere(yaw: float, turn: fl
 )
 def test_it_slows_down_in_bends(limits: SpeedLimits, curvature: float, speed: float) -> None:
     """The speed is the largest within the limits of speed, turn and acceleration to the side."""
-    assert slow_down(0.5, curvature, limits) == pytest.approx(speed)
+    aside = (1.0 - math.sqrt(1.0 - (0.2 * curvature) ** 2)) / curvature if curvature else 0.0
+    command = pursue(Pose2(1.0, -aside, 0.0), STRAIGHT, 1.0, 0.5, limits, look_ahead=0.2)
+    assert (command.linear.x, command.angular.z) == pytest.approx((speed, speed * curvature))
