@@ -81,8 +81,8 @@ class Polyline:
     ) -> tuple[float, float]:
         """The velocity (m/s, rad/s) that keeps a robot at `pose` to this path from its place `s` on.
 
-        It drives to the point that is `ahead` (m) further on. It has limits of speed, turn rate, and acceleration to the
-        side.
+        It drives to the point that is `ahead` (m) further on. There are limits of speed, turn rate, and acceleration to
+        the side.
         """
         x, y, yaw = pose
         at = x, y, math.cos(yaw), math.sin(yaw)

@@ -263,10 +263,10 @@ class MakingRoom:
         self._boxed_in.rest()
 
     def step(
-        self, view: View, role: LineRole, head: Pose2, back: float, limits: SpeedLimits, *, driven_on: float = 0.0
+        self, view: View, own: Pose2, role: LineRole, head: Pose2, back: float, limits: SpeedLimits, *, driven_on: float
     ) -> tuple[Twist | None, str]:
-        """The velocity of a robot with this `role` behind a head that keeps its place, as one that is driven by hand
-        does, and is at `head` (map); and what it does.
+        """The velocity of a robot at `own` (map) with this `role` behind a head that keeps its place, as one that is
+        driven by hand does, and is at `head` (map); and what it does.
 
         An empty text means: follow. A text without a velocity means: back up from a robot that comes too near from
         ahead, or is boxed in, or says that this one is in its way.
@@ -278,15 +278,15 @@ class MakingRoom:
         self.asking = None
         # Those between the first and the last one only ask in words, and until they have room.
         for robot in before if role.stopped or asked is not None else before[:: max(1, len(before) - 1)]:
-            found = view.base_from_robot(robot)
-            at = found and found[0]
-            if at is None:
+            found, at = view.map_from_robot(robot), None
+            if found is None:
                 continue
-            if driven_on and robot == before[0]:
-                at = Pose2(at.x + driven_on, at.y, at.yaw)
+            pose, is_first = found[0], robot == before[0]
+            x, y = own.locate(pose.x, pose.y)
+            at = Pose2(x + driven_on if is_first else x, y, pose.yaw - own.yaw)
             is_boxed = robot == before[-1] and self._boxed_in.look(view.now, head)
             near = ROOM if is_boxed else MET if robot == asked else 0.0
-            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
+            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (is_first and is_too_near(at)))
             if self.asking is None and (is_near or robot in role.stopped):
                 self.asking, is_ahead = robot, at.x > 0.0
         command = self._go_round(view, at, back, limits)

@@ -211,7 +211,7 @@ class Trail:
         if not alone:
             self._making_room.asking = None
         else:
-            command, does = self._making_room.step(view, role, head[0], length, limits, driven_on=driven_on)
+            command, does = self._making_room.step(view, own, role, head[0], length, limits, driven_on=driven_on)
             if does:
                 behind = [own.locate(*path.point(here - LEAD))]
                 return command or self._escape.free(view, back_up(own, path, here), behind), does

@@ -51,12 +51,13 @@ def step(
     driven_on: float = 0.0,
 ) -> tuple[Twist, str] | None:
     """What robot 1 does at x on the x axis, in a large hall. Its head (in the own base frame) may be blocked by it."""
+    own = Pose2(x, 0.0, 0.0)
     view = make_view(
-        [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
+        [5.0] * 180, now=seconds, poses={0: own.compose(head), 1: own}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
-    own, role = Pose2(x, 0.0, 0.0), Line().find_role(view, 0)
-    command, does = room.step(view, role, own.compose(head), GAP, LIMITS, driven_on=driven_on)
+    role = Line().find_role(view, 0)
+    command, does = room.step(view, own, role, own.compose(head), GAP, LIMITS, driven_on=driven_on)
     return (command or back_up(own, WAY, 5.0 + x), does) if does else None
 
 
