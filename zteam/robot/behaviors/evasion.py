@@ -140,7 +140,7 @@ class Head:
             if behind is not None and behind[0].x > 0.0:
                 # A new head mostly looks along its line.
                 self._heading = normalize_angle(own.yaw + math.atan2(-behind[0].y, -behind[0].x))
-        share, reason = keep_together(view, role)
+        share, reason = keep_together(view, own, role)
         if share == 0.0:
             # While it waits for its line it has time.
             self._anchors[0] = own[:2], view.now

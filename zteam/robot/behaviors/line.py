@@ -242,12 +242,12 @@ def waits_for(robot: int, why: str) -> Reason:
     return Reason(f"waits: {names.robot_name(robot)} {why}", waits_for=robot)
 
 
-def keep_together(view: View, role: LineRole) -> tuple[float, str]:
-    """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
-    seen = None if role.behind is None else view.base_from_robot(role.behind)
+def keep_together(view: View, own: Pose2, role: LineRole) -> tuple[float, str]:
+    """The share of its speed, 1 to 0, at which a robot at `own` (map) does not lose the one behind; and why that is 0."""
+    seen = None if role.behind is None else view.map_from_robot(role.behind)
     if role.behind is None or seen is None:
         return 1.0, ""
-    share = (role.gap + TORN - math.hypot(seen[0].x, seen[0].y)) / (TORN - STRETCHED)
+    share = (role.gap + TORN - math.hypot(seen[0].x - own.x, seen[0].y - own.y)) / (TORN - STRETCHED)
     if share > LEAST_SHARE:
         return min(1.0, share), ""
     # Without the distance: each other text is a line of the log and a status.

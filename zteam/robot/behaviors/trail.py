@@ -207,7 +207,7 @@ class Trail:
             self._has_place = True
         # One that is in the way of a robot behind it does not wait for that.
         goes_on = role.behind in passed or not role.stopped.isdisjoint(role.after)
-        share, reason = (1.0, "") if goes_on else keep_together(view, role)
+        share, reason = (1.0, "") if goes_on else keep_together(view, own, role)
         if not alone:
             self._making_room.asking = None
         else:
