@@ -243,7 +243,7 @@ def waits_for(robot: int, why: str) -> Reason:
 
 
 def keep_together(view: View, own: Pose2, role: LineRole) -> tuple[float, str]:
-    """The share of its speed, 1 to 0, at which a robot at `own` (map) does not lose the one behind; and why that is 0."""
+    """The share of its speed, 1 to 0, at which a robot at `own` (map) keeps the one behind it; and why that is 0."""
     seen = None if role.behind is None else view.map_from_robot(role.behind)
     if role.behind is None or seen is None:
         return 1.0, ""
