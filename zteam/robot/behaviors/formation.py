@@ -291,7 +291,7 @@ class Formation(LineMember):
             self._driven.forget()
             self.on_release()
             return Twist()
-        members = self._members(view)
+        members = self._members(view, here)
         trail, pose, stamp = self._driven, leader[0], leader[1] or view.now
         if not trail.add(pose, stamp, (len(members) + 1) * self.params.spacing + KEPT):
             trail.begin(pose, (), pose, stamp)
@@ -356,18 +356,15 @@ class Formation(LineMember):
             return "its parameter max_linear is 0"
         return super().why_it_rests() if self.gap else "in its slot"
 
-    def _members(self, view: View) -> dict[int, Pose2]:
-        """The robots that form it and are seen, itself among them, in its own base frame."""
+    def _members(self, view: View, here: Pose2) -> dict[int, Pose2]:
+        """The robots that form it and are seen, itself among them, in map."""
         statuses: Mapping[int, Any] | None = view.inputs.get("statuses")
         found_by = self.leader, self._leads, self.params.team
         if statuses is not self._statuses or found_by != self._found_by:
             self._statuses, self._found_by, self._told = statuses, found_by, self._find_told(view, statuses or {})
-        found = {
-            robot: pose
-            for robot, pose, age, _base in view.teammates
-            if robot in self._told and (robot in view.team or not view.team) and age < STALE_AFTER
-        }
-        return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
+        seen = ((robot, view.map_from_robot(robot)) for robot in self._told if robot in view.team or not view.team)
+        found = {robot: at[0] for robot, at in seen if at and (not at[1] or view.is_fresh(at[1], STALE_AFTER))}
+        return {**found, view.robot_id: here}
 
     def _find_told(self, view: View, statuses: Mapping[int, Any]) -> Set[int]:
         """The other robots that form it, as they say or as `team` says."""
@@ -391,7 +388,7 @@ class Formation(LineMember):
         is_due = self._slots.keys() != members.keys() or period != self._assigned
         if is_due:
             # Not squeezed: each robot squeezes for itself, and all have to assign alike.
-            places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
+            places = {robot: pose[:2] for robot, pose in members.items()}
             self._slots = reassign(self._slots, places, [self._place(slot)[:2] for slot in slots])
             begins, self._assigned = self._assigned < 0, period
         rank = self._slots.get(view.robot_id, 0)
@@ -431,7 +428,7 @@ class Formation(LineMember):
     def _keep_file(self, view: View, here: Pose2, members: Mapping[int, Pose2], *, begins: bool) -> None:
         """Be in a file from where walls are on both sides on, until no robot is where they are. The first of its robots
         says so, but where it begins: all are in it, or none is."""
-        places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
+        places = {robot: pose[:2] for robot, pose in members.items()}
         self._row.look(view, here)
         first = (view.inputs.get("statuses") or {}).get(min(members))
         if first is not None and first.robot_id != view.robot_id and not begins:
