@@ -140,10 +140,11 @@ def old_data(behavior: Behavior, view: View) -> str:
     """Why the behaviour cannot be asked: what it drives by is missing or old; empty if it can."""
     if (trouble := old_scan(view)) or not behavior.uses_tf:
         return trouble
-    own = view.map_from_base()
+    own = view.map_from_robot(view.robot_id)
     if own is None:
         return NO_POSE
-    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"
+    is_stale = own[1] and abs(view.now - own[1]) > STALE_AFTER * 1e9
+    return f"its own pose in {names.MAP_FRAME} is stale" if is_stale else ""
 
 
 def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:

@@ -286,7 +286,7 @@ class MakingRoom:
             at = Pose2(x + driven_on if is_first else x, y, pose.yaw - own.yaw)
             is_boxed = robot == before[-1] and self._boxed_in.look(view.now, head)
             near = ROOM if is_boxed else MET if robot == asked else 0.0
-            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (is_first and is_too_near(at)))
+            is_near = at.x > 0.0 and ((near and math.hypot(at.x, at.y) < near) or (is_first and is_too_near(at)))
             if self.asking is None and (is_near or robot in role.stopped):
                 self.asking, is_ahead = robot, at.x > 0.0
         command = self._go_round(view, at, back, limits)
