@@ -70,13 +70,13 @@ def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
     return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
-def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
+def overtaken(view: View, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
     """Those of the robots that belong behind the place `here` that are ahead of it on the path."""
     found = []
     for robot in after:
-        seen = view.base_from_robot(robot)
+        seen = view.map_from_robot(robot)
         if seen is not None:
-            place, off = path.near(own.compose(seen[0]))
+            place, off = path.near(seen[0])
             if place > here + OFF and off < OFF:
                 found.append(robot)
     return found
@@ -92,14 +92,14 @@ def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set
     return False
 
 
-def head_comes_round(view: View, role: LineRole) -> bool:
+def head_comes_round(view: View, own: Pose2, role: LineRole) -> bool:
     """Whether the head has left the robot that is to follow it, and is nearest to this one, the last of its line."""
-    seen = [view.base_from_robot(robot) for robot in reversed(role.before)]
+    seen = [view.map_from_robot(robot) for robot in reversed(role.before)]
     if len(seen) < 2 or seen[0] is None or seen[1] is None:
         return False
-    head, own = seen[0][0], math.hypot(*seen[0][0][:2])
-    apart = [math.dist(head[:2], each[0][:2]) for each in seen[1:] if each is not None]
-    return apart[0] > max(role.gap + STRETCHED, own + NEAREST) and min(apart) > own
+    head = seen[0][0][:2]
+    near, apart = math.dist(head, own[:2]), [math.dist(head, each[0][:2]) for each in seen[1:] if each is not None]
+    return apart[0] > max(role.gap + STRETCHED, near + NEAREST) and min(apart) > near
 
 
 SPACING, STEP = 0.05, 0.1
@@ -202,7 +202,7 @@ class Trail:
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (role.may_turn and self._has_place)
         if error > LAGS:
-            passed = {*passed, *overtaken(view, own, path, here, role.after)}
+            passed = {*passed, *overtaken(view, path, here, role.after)}
         else:
             self._has_place = True
         # One that is in the way of a robot behind it does not wait for that.
@@ -391,7 +391,7 @@ class LineMember(Behavior):
             self._trail.rest()
             return self._lead(view, own, role, limits, speed, turn_rate)
         self._head.rest()
-        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
+        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, own, role):
             self._line.turn_on()
         return self._follow(view, own, role, limits)
 
