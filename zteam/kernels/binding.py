@@ -17,6 +17,12 @@ except ImportError:
 
 ffi: Any = declarations.ffi
 lib: Any = ffi.dlopen(str(Path(__file__).with_name("library.so")))
+# Types and functions are made now: of two threads that use one for the first time at once each would make its own, and
+# cffi takes them for different ones.
+for _name in ffi.list_types()[0]:
+    ffi.typeof(f"{_name} *")
+for _name in dir(lib):
+    getattr(lib, _name)
 
 _NAMES = {"bool": "uint8_t", "float32": "float", "float64": "double"}
 _NAMES |= {name: f"{name}_t" for name in ("uint8", "uint16", "uint32", "int32", "int64")}

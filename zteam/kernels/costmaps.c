@@ -133,6 +133,22 @@ int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, 
     return 1;
 }
 
+/* Set the cells that a disc touches to a cost; its middle (column, row) and its radius are in cells. */
+void fill_disc(uint8_t *costs, int64_t rows, int64_t columns, double u, double v, double reach, uint8_t cost)
+{
+    if (!(fabs(u) < FAR && fabs(v) < FAR && reach >= 0.0 && reach < FAR))
+        return;
+    const int64_t top = LEAST((int64_t)floor(v + reach) + 1, rows), right = LEAST((int64_t)floor(u + reach) + 1, columns);
+    for (int64_t row = MOST((int64_t)floor(v - reach), 0); row < top; row++)
+        for (int64_t column = MOST((int64_t)floor(u - reach), 0); column < right; column++) {
+            /* The point of the cell that is nearest to the middle of the disc. */
+            const double du = MOST(MOST((double)column - u, u - (double)(column + 1)), 0.0);
+            const double dv = MOST(MOST((double)row - v, v - (double)(row + 1)), 0.0);
+            if (du * du + dv * dv <= reach * reach)
+                costs[row * columns + column] = cost;
+        }
+}
+
 /* Set the cells whose middle lies in an outline (count, 2: x, y), by the even-odd rule, to a cost. The outline is that of
    a base at a pose; `corners` has room for it in cells. Write the box of cells that it may touch, in the grid: rows and
    columns, from and to. Return whether there are any. */

@@ -123,6 +123,7 @@ typedef struct {
 int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
             const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
             int64_t *cells, int64_t *box);
+void fill_disc(uint8_t *costs, int64_t rows, int64_t columns, double u, double v, double reach, uint8_t cost);
 int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *outline, int64_t count,
                  const double *pose, uint8_t cost, double *corners, int64_t *box);
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,

@@ -74,6 +74,11 @@ def observe(
     return tuple(box)
 
 
+def fill_disc(costs: Bytes, u: float, v: float, reach: float, cost: int) -> None:
+    """Set the cells of `costs` (rows, columns) that a disc touches to a cost: its middle (column, row), its radius."""
+    lib.fill_disc(*_grid("costs", costs, out=True), u, v, reach, cost)
+
+
 def fill_outline(
     costs: Bytes, frame: Sequence[float], outline: Floats, pose: tuple[float, float, float], cost: int
 ) -> Window | None:

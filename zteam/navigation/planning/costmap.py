@@ -14,9 +14,9 @@ import numpy as np
 from zteam.config.numbers import NotNegative
 from zteam.config.problems import CheckedOptions
 from zteam.geometry import Pose2, in_polygon
-from zteam.kernels.binding import Bytes, Cells, Floats
-from zteam.kernels.navigation import MAX_CELLS, Window, fill_outline, inflate, observe
-from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc
+from zteam.kernels.binding import Bytes, Floats
+from zteam.kernels.navigation import MAX_CELLS, Window, fill_disc, fill_outline, inflate, observe
+from zteam.navigation.planning.grid import GridGeometry, GridMap
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends
 
 Costs = Bytes
@@ -178,14 +178,15 @@ class Costmap:
 
     def clear_around(self, base: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""
-        self._note(cells_of_disc(self.frame, base.x, base.y, distance), NO_INFORMATION)
+        self._fill(self._seen, Teammate(base.x, base.y, distance), NO_INFORMATION)
+        self._widen(self._window_of(Teammate(base.x, base.y, distance)))
 
     def set_teammates(self, teammates: Iterable[Teammate]) -> None:
         """Teammates stand here now, and nowhere else; they are obstacles."""
         new = tuple(teammates)
         if new != self._teammates:
             for mate in {*self._teammates, *new} - ({*self._teammates} & {*new}):
-                self._touch(cells_of_disc(self.frame, mate.x, mate.y, mate.radius)[:, ::-1])
+                self._widen(self._window_of(mate))
             self._teammates = new
 
     def update(self) -> Window | None:
@@ -197,8 +198,7 @@ class Costmap:
         part = slice(window[0], window[1]), slice(window[2], window[3])
         self.base[part] = _join(self._static[part], self._seen[part])
         for mate in self._teammates:
-            cells = cells_of_disc(self.frame, mate.x, mate.y, mate.radius)
-            self.base[cells[:, 0], cells[:, 1]] = LETHAL_OBSTACLE
+            self._fill(self.base, mate, LETHAL_OBSTACLE)
         window = self._clip(window, self._reach)
         # The cost from which on a cell without information becomes known.
         unknown_from = FREE_SPACE + 1 if self.options.inflate_unknown else INSCRIBED_INFLATED_OBSTACLE
@@ -215,19 +215,18 @@ class Costmap:
         cell = self.frame.cell_at(x, y)
         return int(self.costs[cell]) if self.frame.holds(*cell) else LETHAL_OBSTACLE
 
-    def _note(self, cells: Cells, cost: int) -> None:
-        self._seen[cells[:, 0], cells[:, 1]] = cost
-        self._touch(cells[:, ::-1])
+    def _fill(self, layer: Costs, disc: Teammate, cost: int) -> None:
+        fill_disc(layer, *self.frame.to_cells(disc.x, disc.y), disc.radius / self.frame.resolution, cost)
+
+    def _window_of(self, disc: Teammate) -> Window | None:
+        """The cells of the grid that a disc may touch, if any."""
+        (u, v), reach = self.frame.to_cells(disc.x, disc.y), disc.radius / self.frame.resolution
+        window = math.floor(v - reach), math.floor(v + reach) + 1, math.floor(u - reach), math.floor(u + reach) + 1
+        low, high, left, right = self._clip(window, 0)
+        return (low, high, left, right) if low < high and left < right else None
 
     def _whole(self) -> None:
         self._changed = 0, self.frame.rows, 0, self.frame.columns
-
-    def _touch(self, cells: Cells) -> None:
-        """Note that the layers have changed within the box of these cells (column, row)."""
-        if not len(cells):
-            return
-        (left, low), (right, high) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
-        self._widen((low, high + 1, left, right + 1))
 
     def _widen(self, window: Window | None) -> None:
         """Note that the layers have changed within a window."""

@@ -82,22 +82,3 @@ def make_map(cells: NDArray[np.int8], resolution: float, origin: Pose2 = NOWHERE
         raise ValueError(f"a map is an array (rows, columns) with metres a cell and a finite origin, not {given}")
     rows, columns = cells.shape
     return GridMap(GridGeometry(rows, columns, resolution, origin), np.ascontiguousarray(cells, np.int8))
-
-
-def cells_of_disc(frame: GridGeometry, x: float, y: float, radius: float) -> Cells:
-    """The cells that a disc (metres, in `map`) touches, as far as the grid has them."""
-    u, v = frame.to_cells(x, y)
-    reach = radius / frame.resolution
-    columns, rows, corner = _box(frame, u - reach, v - reach, u + reach, v + reach)
-    # The point of each cell that is nearest to the middle of the disc.
-    du = np.maximum(np.maximum(columns - u, u - (columns + 1)), 0.0)[None, :]
-    dv = np.maximum(np.maximum(rows - v, v - (rows + 1)), 0.0)[:, None]
-    return np.argwhere(du * du + dv * dv <= reach * reach) + corner
-
-
-def _box(frame: GridGeometry, left: float, low: float, right: float, high: float) -> tuple[Cells, Cells, Cells]:
-    """Columns (n) and rows (m) of the grid between these places in cells; and the first row and column."""
-    corner = np.array((max(0, math.floor(low)), max(0, math.floor(left))))
-    columns = np.arange(corner[1], min(frame.columns, math.floor(right) + 1))
-    rows = np.arange(corner[0], min(frame.rows, math.floor(high) + 1))
-    return columns, rows, corner
