@@ -157,24 +157,21 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        self._send(encode(message))
+        self.put_owned(encode(message))
 
-    def put_owned(self, message: M) -> None:
+    def put_owned(self, message: M | bytes) -> None:
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
 
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
-        still narrowed, and arrays become read-only.
+        still narrowed, and arrays become read-only. An array that is read-only already has the type of its field.
         """
-        self._send(message)
-
-    def _send(self, content: bytes | M) -> None:
         if self._handle is None:
             with self._lock:
                 # Unless it has been opened meanwhile.
                 if self._handle is None:
-                    self._kept = content
+                    self._kept = message
                     return
-        self._handle.put(content)
+        self._handle.put(message)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""

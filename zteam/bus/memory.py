@@ -182,36 +182,38 @@ class MemoryPublisher(Handle):
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
 
-    def _receivers(self) -> list[HubReceiver]:
-        version, receivers = self._matching
+    def _find(self) -> list[HubReceiver]:
         hub = self._hub
-        if version != hub.version:
-            with hub.lock:
-                # Set at once: another thread may look in between.
-                self._matching = _, receivers = hub.version, hub.find(hub.subscribers, self._key, self._passed_over)
+        with hub.lock:
+            # Set at once: another thread may look in between.
+            self._matching = _, receivers = hub.version, hub.find(hub.subscribers, self._key, self._passed_over)
         return receivers
 
     @property
     def has_subscribers(self) -> bool:
-        return (self._latched or bool(self._receivers())) and not self._closed
+        version, receivers = self._matching
+        if version != self._hub.version:
+            receivers = self._find()
+        return (self._latched or bool(receivers)) and not self._closed
 
     def put(self, content: bytes | Message) -> None:
+        if type(content) is not bytes:
+            adopt(content)
         hub = self._hub
-        if not isinstance(content, bytes):
-            content = adopt(content)
-        if not self._latched:
-            if not self._closed and (receivers := self._receivers()):
-                hub.deliver(receivers, self._sample(content))
+        if self._latched:
+            with hub.lock:
+                if self._closed:
+                    return
+                sample = RawSample(self._key, content, self._encoding, next(hub.timestamps), self._source)
+                hub.latched[self._number] = sample
+                receivers = self._find()
+            hub.deliver(receivers, sample)
             return
-        with hub.lock:
-            if self._closed:
-                return
-            hub.latched[self._number] = sample = self._sample(content)
-            receivers = self._receivers()
-        hub.deliver(receivers, sample)
-
-    def _sample(self, content: bytes | Message) -> RawSample:
-        return RawSample(self._key, content, self._encoding, next(self._hub.timestamps), self._source)
+        version, receivers = self._matching
+        if version != hub.version:
+            receivers = self._find()
+        if receivers and not self._closed:
+            hub.deliver(receivers, RawSample(self._key, content, self._encoding, next(hub.timestamps), self._source))
 
     def _end(self) -> None:
         with self._hub.lock:

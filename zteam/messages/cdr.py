@@ -256,7 +256,7 @@ def adopt(message: M) -> M:
     """This very message as receivers in this process are to see it: the sender changes it no more, nor what it holds.
 
     Its float32 fields are narrowed, and its arrays become read-only. The sender answers for the rest: numbers are plain
-    ones that fit their fields, and finite where they must be.
+    ones that fit their fields, and finite where they must be, and an array that is read-only has the type of its field.
     """
     change = _adopter(type(message))
     if change is not None:
@@ -279,7 +279,8 @@ def _adopter(kind: Any) -> Callable[[Any], None] | None:
         if field.length is None:
             narrow += [place] * (field.ros_name == "float32")
         elif field.kind is None:
-            source.add(f"{place} = {source.name('Q', _read_only)}({place}, {source.dtype(field, '<')})")
+            changed = f"{source.name('Q', _read_only)}({place}, {source.dtype(field, '<')})"
+            source.add(f"if {place}.flags.writeable: {place} = {changed}")
         elif (adopter := _adopter(field.kind)) is not None:
             source.add(f"for e in {place}: {source.name('R', adopter)}(e)")
     if narrow:
