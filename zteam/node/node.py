@@ -267,7 +267,7 @@ class Node(ProcessNode):
 
         def on_message(key: str, message: Message, source: str = "") -> None:
             due, part = stamp_of_tick(message) if every_tick else None, self.part
-            if self.is_of_ended_time(stamp_of_tick(message) if isinstance(message, RobotStatus) else due or 0):
+            if self.is_of_ended_time(lambda: stamp_of_tick(message) if isinstance(message, RobotStatus) else due or 0):
                 return
             if part.tick is None:
                 self._messages.handle_due(None)

@@ -14,7 +14,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
-from zteam.clock import FREEZES, AutoClock, Rate, later, monotonic, to_seconds, wait_until
+from zteam.clock import FREEZES, AutoClock, Rate, WatchedCondition, later, monotonic, to_seconds
 from zteam.errors import BusError, UsageError, ZteamError, log
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.faults import log_fault, offer_stacks, place_in
@@ -42,34 +42,6 @@ ClockMode = Literal["auto", "sim", "wall"]
 """Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
 SWITCH_INTERVAL = 0.0005
 """Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
-
-
-class WatchedCondition(threading.Condition):
-    """A condition whose waits are looked at by the thread that changes something.
-
-    A thread that is woken for nothing waits for the interpreter's lock. Until it gets it, each numpy call of the other
-    threads that gives the lock away has to signal it: with four robots in one process that took a fifth of a tick.
-    """
-
-    def __init__(self, lock: threading.RLock) -> None:
-        super().__init__(lock)
-        self.awaited: list[Callable[[], bool]] = []
-        """What the threads wait for that wait."""
-
-    def wait_until(self, ready: Callable[[], bool], timeout: float) -> None:
-        """Wait until `ready()`, for at most `timeout` host seconds, under the lock. `look` calls `ready` too."""
-        self.awaited.append(ready)
-        try:
-            wait_until(self, ready, timeout)
-        finally:
-            self.awaited.remove(ready)
-
-    def look(self) -> None:
-        """Something has changed: wake the threads in `wait_until` if one of them is ready. Call it under the lock."""
-        for ready in self.awaited:
-            if ready():
-                self.notify_all()
-                return
 
 
 class ProcessNode:
@@ -312,14 +284,14 @@ class ProcessNode:
     def _note_jump(self, old: int, new: int) -> None:
         self._ended, self._half_jump = old, (old - new) // 2
 
-    def is_of_ended_time(self, stamp: int) -> bool:
-        """Whether a message that comes now was sent before time jumped back, by its stamp (ns; 0 does not tell).
+    def is_of_ended_time(self, stamp: Callable[[], int]) -> bool:
+        """Whether a message that comes now was sent before time jumped back, by its `stamp()` (ns; 0 does not tell).
 
         A process that has not heard of the jump yet goes on for a moment: the aggregator sends its last bundle again,
         and a robot its last status. Their stamps are far ahead of the new time.
         """
         now = self.clock.now()
-        return now < self._ended and stamp > now + self._half_jump
+        return now < self._ended and stamp() > now + self._half_jump
 
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import messages
-from zteam.clock import NS_PER_S, wait_until
+from zteam.clock import NS_PER_S, WatchedCondition
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, TransformStamped, Vector3
 from zteam.names import strip_slash
@@ -45,7 +45,7 @@ class Buffer:
         same meanwhile."""
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
-        self._changed = threading.Condition(self.lock)
+        self._changed = WatchedCondition(self.lock)
         self._now = 0
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -73,7 +73,7 @@ class Buffer:
                 refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
                 if refused is not None:
                     found.append(refused)
-            self._changed.notify_all()
+            self._changed.look()
         return found
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -81,7 +81,7 @@ class Buffer:
         parent, floats = transform.header.frame_id, floats_of(transform.transform)
         with self.lock:
             refused = self._put(transform.child_frame_id, parent, 0, floats, authority, static=True)
-            self._changed.notify_all()
+            self._changed.look()
         return refused
 
     def set_all_static(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
@@ -232,7 +232,7 @@ class Buffer:
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
         """Wait until the look-up answers and return its answer; after `timeout` host seconds, raise its exception."""
         with self.lock:
-            wait_until(self._changed, lambda: self.can_transform(target_frame, source_frame, time)[0], timeout)
+            self._changed.wait_until(lambda: self.can_transform(target_frame, source_frame, time)[0], timeout)
             return self.lookup_transform(target_frame, source_frame, time)
 
     def latest_common_time(self, target_frame: str, source_frame: str) -> int | None:

@@ -52,11 +52,12 @@ class Merger:
             self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
     def receive(
-        self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0, *, trusts: bool = True
-    ) -> None:
+        self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0,
+        trusts: Callable[[], bool] = lambda: True,
+    ) -> None:  # fmt: skip
         """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known, and `wall` then the
-        host's, which no clock of a team is ahead of. Unless the caller `trusts` its clock, a stamp that is far from it
-        is refused without a conflict.
+        host's, which no clock of a team is ahead of. Unless the caller `trusts()` its clock, a stamp that is far from
+        it is refused without a conflict.
 
         In lock-step `tick` is the stamp (ns) of the tick in which they were sent: see `take_pending`.
         """
@@ -64,7 +65,7 @@ class Merger:
         for transform in self._keep_own(robot_id, message.transforms):
             apart = ns_from_time(transform.header.stamp) - known
             if known and (apart > MAX_APART or (now and apart < -MAX_APART)):
-                if trusts:
+                if trusts():
                     # With a stamp far ahead, all later samples would be too old.
                     side = "ahead of" if apart > 0 else "behind"
                     far = f"{transform.child_frame_id} from {authority} is {abs(apart) / 1e9:.1f} s {side}"

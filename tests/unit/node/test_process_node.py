@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -178,10 +179,10 @@ def test_messages_of_a_time_that_has_ended_are_told_apart(end: int, earlier: int
     """What was sent in the last two ticks of the old time is of the old time, and all from the new first tick on is
     not, each in a tick that is open or that comes next."""
     node = node_after(end, 1)
-    assert node.is_of_ended_time((end - (earlier if end > 4 else 0)) * TICK)
+    assert node.is_of_ended_time(lambda: (end - (earlier if end > 4 else 0)) * TICK)
     for tick in range(1, last):
         node.set_time(max(1, tick - tick % 2) * TICK)
-        assert not node.is_of_ended_time(tick * TICK)
+        assert not node.is_of_ended_time(partial(int, tick * TICK))
 
 
 @pytest.mark.parametrize(
@@ -192,4 +193,4 @@ def test_no_message_is_of_an_ended_time_without_a_jump_or_a_stamp(
     ticks: tuple[int, ...], stamp: int, is_ended: bool
 ) -> None:
     """Nor once time has reached its old end: by then all messages of the old time have come."""
-    assert node_after(*ticks).is_of_ended_time(stamp * TICK) == is_ended
+    assert node_after(*ticks).is_of_ended_time(lambda: stamp * TICK) == is_ended

@@ -266,7 +266,7 @@ def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
     """A stamp far from the team's clock is refused and reported once; the robot's right samples are stored. After a
     freeze transforms come before the clock: they are refused, and nobody is accused."""
     merger = Merger()
-    merger.receive(1, TFMessage([stamped("odom", "base_footprint", 100 * S)]), now=50 * S, trusts=False)
+    merger.receive(1, TFMessage([stamped("odom", "base_footprint", 100 * S)]), now=50 * S, trusts=lambda: False)
     assert merger.conflicts() == []
     for wrong in (100 * S, 100 * S + 1, 20 * S):
         merger.receive(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)

@@ -24,7 +24,7 @@ def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
         asleep.release()
         return wait_until(condition, ready, timeout)
 
-    monkeypatch.setattr("zteam.transforms.buffer.wait_until", announce)
+    monkeypatch.setattr("zteam.clock.wait_until", announce)
 
     def wait(frame: str) -> None:
         found = buffer.wait_for_transform("map", frame, 0, 1000.0)

@@ -127,7 +127,7 @@ class RobotNode:
             self._inputs.on_fixed(message)
 
     def _on_tf(self, _key: str, bundle: TFMessage) -> None:
-        if not self._node.is_of_ended_time(bases_stamp(bundle)):
+        if not self._node.is_of_ended_time(lambda: bases_stamp(bundle)):
             self._inputs.transforms.on_bundle(bundle, self._node.clock.now())
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:

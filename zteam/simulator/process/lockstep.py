@@ -139,15 +139,15 @@ class LockStep:
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
         name = names.process_of(key, names.DONE) or ""
-        robot_id = names.robot_id_of(name)
+        tick = self.tick
         with self._lock:
-            if self.tick.on_done(name, session, done):
-                if done.has_command and robot_id is not None:
+            if tick.on_done(name, session, done):
+                if done.has_command and (robot_id := names.robot_id_of(name)) is not None:
                     self._on_command(robot_id)
-                if self.tick.is_over or self.tick.must_reopen:
+                if tick.may_go_on:
                     self._changed.notify_all()
-            elif name in self.tick.holders:
-                holder = self.tick.holders.name_of(session)
+            elif name in tick.holders:
+                holder = tick.holders.name_of(session)
                 sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
                 self._node.bus.counters.drop(key, f"{sender} does not hold the name {name}")
 

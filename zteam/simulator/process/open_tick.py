@@ -158,9 +158,12 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        # Asked after each answer: most are still to come, and need not be named.
-        is_early = len(self.answers) < len(self.members) or self._start is Start.HELD
-        return not is_early and not self.must_reopen and not self.missing()
+        return self._start is not Start.HELD and not self.must_reopen and not self.missing()
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether it may be over, or has to be opened again perhaps: False after most answers, in little time."""
+        return self._changed or len(self.answers) >= len(self.members)
 
     def end(self) -> None:
         """The tick is over: the next one is to come."""

@@ -81,7 +81,7 @@ class Bundle:
 
     def begun(self, newest: int) -> int:
         """Lock-step: the stamp of the tick that has begun: a robot may have spoken for the one after the `newest`."""
-        return min((stamp for stamp in self._fresh if stamp > newest), default=newest)
+        return min([stamp for stamp in self._fresh if stamp > newest], default=newest)
 
     def has_all(self, robots: AbstractSet[int], stamp: int) -> bool:
         """Lock-step: whether all these robots have spoken for `stamp`, and their fixed transforms have come."""

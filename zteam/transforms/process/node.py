@@ -95,10 +95,12 @@ class Aggregator:
             self._flush()
 
     def _merge(self, robot_id: int, message: TFMessage, tick: int = 0) -> None:
-        clock = self._node.clock
-        # After a cut link or a freeze, transforms may come before the clock that belongs to them.
-        now, trusts = clock.now(), not clock.stands and not FREEZES.has_just_woken()
-        self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
+        now = self._node.clock.now()
+        self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=self._trusts_clock)
+
+    def _trusts_clock(self) -> bool:
+        """After a cut link or a freeze, transforms may come before the clock that belongs to them."""
+        return not self._node.clock.stands and not FREEZES.has_just_woken()
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
