@@ -148,7 +148,7 @@ class RealTimeRobot:
 
     def say_transforms(self, tick: int) -> None:
         """A bundle of transforms."""
-        bundles = [to_messages.transforms(tick * TICK, i, Pose2(0.0, 0.0, 0.0)) for i in self._robots]
+        bundles = [to_messages.transforms(time_from_ns(tick * TICK), i, Pose2(0.0, 0.0, 0.0)) for i in self._robots]
         self.say(names.TF, TFMessage([each for bundle in bundles for each in bundle.transforms]))
 
     def say_scan(self, tick: int, distance: float = 9.0, frame: str = names.BASE_LASER_LINK) -> None:

@@ -197,7 +197,7 @@ class MemoryPublisher(Handle):
         return (self._latched or bool(receivers)) and not self._closed
 
     def put(self, content: bytes | Message) -> None:
-        if type(content) is not bytes:
+        if not isinstance(content, bytes):
             adopt(content)
         hub = self._hub
         if self._latched:

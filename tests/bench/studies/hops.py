@@ -115,7 +115,7 @@ class _Bundles:
     def _bundle(self, tick: int) -> TFMessage:
         found: list[TransformStamped] = []
         for i in self._robots:
-            found += to_messages.transforms(tick * _TICK, i, Pose2(0.01 * tick, 0.0, 0.0)).transforms
+            found += to_messages.transforms(time_from_ns(tick * _TICK), i, Pose2(0.01 * tick, 0.0, 0.0)).transforms
         return TFMessage(found)
 
     def encode(self) -> bytes:

@@ -213,7 +213,7 @@ class _Drive:
         robots = range(len(self._pilots))
         moving: list[TransformStamped] = []
         for i in robots:
-            moving += transforms(seen.stamp, i, seen.robots[i].odom).transforms
+            moving += transforms(seen.time, i, seen.robots[i].odom).transforms
         scans = tuple(scan_message(seen, i, 0) for i in robots)
         odometries = tuple(odometry_message(seen, i) for i in robots)
         tick = Tick(engine.now, scans, odometries, TFMessage(moving))

@@ -20,7 +20,7 @@ from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
-from zteam.messages import Blob, Fiducial, Twist
+from zteam.messages import Blob, Fiducial, Time, Twist, time_from_ns
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Detections, prepare_devices
 from zteam.simulator.core.lasers import Lasers, Reading, Readings
@@ -40,28 +40,28 @@ class Joints(NamedTuple):
     velocities: tuple[float, ...]
 
 
-class Sensed(NamedTuple):
+class Sensed(msgspec.Struct, eq=False, gc=False):
     """What all robots sense at a tick's end, in the order of their ids."""
 
-    poses: Floats
-    """(movers, 3): x, y, yaw in `map`, not wrapped; so is that of the odometry."""
-    odom: Floats
+    poses: list[list[float]]
+    """(movers, 3): x, y, yaw in `map`, not wrapped."""
+    velocity: list[list[float]]
     """(robots, 3)"""
-    velocity: Floats
-    """(robots, 3)"""
-    stalled: NDArray[np.bool_]
+    stalled: list[bool]
     """(robots)"""
-    readings: Readings | None
-    detections: Mapping[int, Detections]
     angles: Floats
     """(wheels): in radians; rates in rad/s."""
     rates: Floats
+    readings: Readings = []
+    detections: Mapping[int, Detections] = {}
 
 
 class RobotObservation(msgspec.Struct, frozen=True, eq=False, gc=False):
     """What one robot senses at a tick's end."""
 
     robot: Robot
+    odom: Pose2
+    """Since the start, by its own wheels: starts at zero, and follows what the base did."""
     _all: Sensed
     _index: int
     _wheels: slice
@@ -69,23 +69,18 @@ class RobotObservation(msgspec.Struct, frozen=True, eq=False, gc=False):
     @property
     def velocity(self) -> tuple[float, float, float]:
         """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
-        vx, vy, yaw_rate = self._all.velocity[self._index].tolist()
+        vx, vy, yaw_rate = self._all.velocity[self._index]
         return vx, vy, yaw_rate
 
     @property
     def stall(self) -> bool:
         """Commanded to move, but blocked."""
-        return bool(self._all.stalled[self._index])
+        return self._all.stalled[self._index]
 
     @property
     def truth(self) -> Pose2:
         """In `map`."""
-        return pose_of(self._all.poses[self._index].tolist())
-
-    @property
-    def odom(self) -> Pose2:
-        """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-        return pose_of(self._all.odom[self._index].tolist())
+        return pose_of(self._all.poses[self._index])
 
     @property
     def joints(self) -> Joints:
@@ -134,6 +129,10 @@ class Observation(msgspec.Struct, frozen=True, eq=False):
     """By id."""
     pushed: Mapping[str, Pose2]
     """Where the things that can be pushed are, in `map`, by name."""
+    time: Time
+    """`stamp` for messages."""
+    sensed: Sensed
+    """What the robots have their share of."""
 
 
 class RobotArrays:
@@ -200,21 +199,24 @@ class RobotArrays:
         if np.count_nonzero(self.bodies.met):
             keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
 
-    def observe(self, now: int, tick: int, *, bases_only: bool) -> Observation:
-        """What all robots sense at `now` (ns), or only what their bases sense."""
-        poses = self.bodies.poses
-        if not bases_only:
-            self._scene.visible.move(poses)
-        sensed = Sensed(
-            poses.copy(), self.odometry.poses.copy(), self.bases.velocity.copy(), self.bodies.stalled.copy(),
-            None if bases_only else self._lasers.measure(poses, tick), {} if bases_only else self._sense(poses),
-            self.bases.angles.copy(), self.bases.rates.copy(),
-        )  # fmt: skip
-        robots = {
-            robot_id: RobotObservation(self._robots[i], sensed, i, self._wheels[i]) for robot_id, i in self.ids.items()
+    def observe_bases(self, now: int, tick: int) -> Observation:
+        """What the bases of all robots sense at `now` (ns)."""
+        bases, robots, odom = self.bases, self._robots, self.odometry.poses.tolist()
+        poses, velocity, stalled = self.bodies.poses.tolist(), bases.velocity.tolist(), self.bodies.stalled.tolist()
+        sensed = Sensed(poses, velocity, stalled, bases.angles.copy(), bases.rates.copy())
+        seen = {
+            robot_id: RobotObservation(robots[i], pose_of(odom[i]), sensed, i, self._wheels[i])
+            for robot_id, i in self.ids.items()
         }
-        pushed = zip(self._pushed, poses[len(self._robots) :].tolist(), strict=True)
-        return Observation(now, tick, robots, {thing.name: pose_of(pose) for thing, pose in pushed})
+        pushed = zip(self._pushed, poses[len(robots) :], strict=True)
+        things = {thing.name: pose_of(pose) for thing, pose in pushed}
+        return Observation(now, tick, seen, things, time_from_ns(now), sensed)
+
+    def measure(self, sensed: Sensed, tick: int) -> None:
+        """Add what all other sensors measure."""
+        poses = self.bodies.poses
+        self._scene.visible.move(poses)
+        sensed.readings, sensed.detections = self._lasers.measure(poses, tick), self._sense(poses)
 
 
 class Engine:
@@ -264,9 +266,19 @@ class Engine:
         arrays.move(now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 
-    def observe(self, *, bases_only: bool = False) -> Observation:
-        """What the robots sense now; with `bases_only` no sensor and no other device measures."""
-        return self._assembled().observe(self.now, self.tick, bases_only=bases_only)
+    def observe(self) -> Observation:
+        """What the robots sense now."""
+        observation = self.observe_bases()
+        self.measure(observation)
+        return observation
+
+    def observe_bases(self) -> Observation:
+        """What the robots sense now, before `measure`: no sensor and no other device has measured."""
+        return self._assembled().observe_bases(self.now, self.tick)
+
+    def measure(self, observation: Observation) -> None:
+        """Add to the observation of now what sensors and other devices measure."""
+        self._assembled().measure(observation.sensed, observation.tick)
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""

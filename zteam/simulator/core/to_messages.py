@@ -53,7 +53,7 @@ def odometry_message(observation: Observation, robot_id: int, index: int = 0) ->
 def _odometry(observation: Observation, robot_id: int, frame: str, pose: Pose2) -> messages.Odometry:
     vx, vy, w = observation.robots[robot_id].velocity
     return messages.Odometry(
-        messages.Header(messages.time_from_ns(observation.stamp), frame),
+        messages.Header(observation.time, frame),
         names.robot_frame(robot_id, names.BASE_FOOTPRINT),
         messages.PoseWithCovariance(pose_message(pose)),
         messages.TwistWithCovariance(messages.Twist(messages.Vector3(vx, vy, 0.0), messages.Vector3(0.0, 0.0, w))),
@@ -64,7 +64,7 @@ def joint_message(observation: Observation, robot_id: int, index: int = 0) -> me
     """The wheels; joint names are the robot's own, without its prefix."""
     joints = observation.robots[robot_id].joints
     return messages.JointState(
-        messages.Header(messages.time_from_ns(observation.stamp), ""), list(joints.names), np.array(joints.positions),
+        messages.Header(observation.time, ""), list(joints.names), np.array(joints.positions),
         np.array(joints.velocities),
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> m
 
 def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int) -> messages.Header:
     """The observation's stamp and the device's frame."""
-    return messages.Header(messages.time_from_ns(observation.stamp), kind.frame(robot_id, index))
+    return messages.Header(observation.time, kind.frame(robot_id, index))
 
 
 BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
@@ -101,25 +101,26 @@ BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
 """What builds the message of a robot (by id) of a number, of one tick: by the topic of what is measured."""
 
 
-def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:
-    """odom -> base_footprint at `stamp` (ns)."""
+def transforms(time: messages.Time, robot_id: int, odom: Pose2) -> messages.TFMessage:
+    """odom -> base_footprint at `time`."""
     parent, child = names.robot_frame(robot_id, names.ODOM), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-    return messages.TFMessage([_transform(stamp, parent, child, odom, 0.0)])
+    return messages.TFMessage([_transform(time, parent, child, odom, 0.0)])
 
 
 def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> messages.TFMessage:
     """map -> odom (the start pose), base_footprint -> base_link -> every device."""
     own_frames, same = (names.ODOM, names.BASE_FOOTPRINT, names.BASE_LINK), Pose2(0.0, 0.0, 0.0)
     odom, footprint, base = (names.robot_frame(robot_id, own) for own in own_frames)
-    found = [_transform(0, names.MAP_FRAME, odom, odom_origin, 0.0), _transform(0, footprint, base, same, 0.0)]
+    at_all, origin = messages.Time(), odom_origin._replace(yaw=normalize_angle(odom_origin.yaw))
+    found = [_transform(at_all, names.MAP_FRAME, odom, origin, 0.0), _transform(at_all, footprint, base, same, 0.0)]
     for kind in KINDS.values():
         for index, device in enumerate(kind.of(robot) if kind.link else ()):
-            pose = Pose2(device.x, device.y, device.yaw)
-            found.append(_transform(0, base, kind.frame(robot_id, index), pose, device.z))
+            pose = Pose2(device.x, device.y, normalize_angle(device.yaw))
+            found.append(_transform(at_all, base, kind.frame(robot_id, index), pose, device.z))
     return messages.TFMessage(found)
 
 
-def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> messages.TransformStamped:
-    rotation = messages.Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
+def _transform(time: messages.Time, parent: str, child: str, pose: Pose2, z: float) -> messages.TransformStamped:
+    rotation = messages.Quaternion(*quaternion_from_yaw(pose.yaw))
     placed = messages.Transform(messages.Vector3(pose.x, pose.y, z), rotation)
-    return messages.TransformStamped(messages.Header(messages.time_from_ns(stamp), parent), child, placed)
+    return messages.TransformStamped(messages.Header(time, parent), child, placed)

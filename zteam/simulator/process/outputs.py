@@ -47,7 +47,7 @@ class RobotOutputs:
     def put_transforms(self, observation: Observation) -> None:
         """Send odom -> base_footprint."""
         odom = observation.robots[self._id].odom
-        self._tf.put_owned(to_messages.transforms(observation.stamp, self._id, odom))
+        self._tf.put_owned(to_messages.transforms(observation.time, self._id, odom))
 
     def put(self, outputs: Sequence[Output], observation: Observation, *, again: bool = False) -> None:
         """Send `odom` or `scans`; with `again` a participant waits for them, and no subscriber needs to be known."""

@@ -99,15 +99,16 @@ class Simulation:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
         # complete when a robot has its scan.
-        bases = engine.observe(bases_only=True)
+        observation = engine.observe_bases()
         for output in outputs.values():
-            output.put_transforms(bases)
+            output.put_transforms(observation)
         for output in outputs.values():
-            output.put(output.odom, bases)
+            output.put(output.odom, observation)
         self.profile.end("publish")
-        self._observation = engine.observe()
+        engine.measure(observation)
+        self._observation = observation
         self.profile.end("sensors")
-        self._put_scans(self._observation, outputs)
+        self._put_scans(observation, outputs)
         if not early:
             self._announce()
         self.profile.end("publish")

@@ -6,6 +6,7 @@ sense, `BUILDERS` in `zteam.simulator.core.to_messages` what builds their messag
 
 import math
 from collections.abc import Callable, Sequence, Set
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
@@ -193,6 +194,7 @@ class DeviceKind(NamedTuple):
         """Key of the robot's `index`-th message of this kind."""
         return names.robot_key(robot_id, self._numbered(self.topic, index))
 
+    @lru_cache(maxsize=1024)  # noqa: B019
     def frame(self, robot_id: int, index: int) -> str:
         """Frame of the robot's `index`-th device of this kind."""
         return names.robot_frame(robot_id, self._numbered(self.link, index) if self.link else names.BASE_LINK)

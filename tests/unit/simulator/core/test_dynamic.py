@@ -30,7 +30,7 @@ def test_aligned_bodies_of_one_size_stop_each_other(physics: Physics, mine: floa
         engine.move({0: drive(0.5)})
     gap = math.dist(engine.truth(0)[:2], engine.truth(1)[:2]) - 0.4
     assert -0.005 < gap < 0.06
-    assert physics == "dynamic" or engine.observe(bases_only=True).robots[0].stall
+    assert physics == "dynamic" or engine.observe_bases().robots[0].stall
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
@@ -58,7 +58,7 @@ def test_a_robot_that_pushes_a_box_against_a_wall_is_stopped_by_it(mass: float, 
         engine.move({0: drive(speed)})
         assert engine.observe().pushed["box"].x < 2.0 - 0.1 + 0.015
         assert engine.truth(0).x + 0.2 < 2.0 - 0.2 + 0.04
-    assert engine.observe(bases_only=True).robots[0].stall
+    assert engine.observe_bases().robots[0].stall
     assert engine.truth(0).x + 0.2 > 2.0 - 0.2 - 0.05
 
 
@@ -96,12 +96,12 @@ def test_a_robot_in_a_wall_stalls_until_it_is_moved(physics: str, make: Any, x: 
     for _ in range(30):
         engine.move({0: drive(1.0, 1.0)})
         assert engine.truth(0) == Pose2(x, 0.0, 0.0)
-        assert engine.observe(bases_only=True).robots[0].stall
+        assert engine.observe_bases().robots[0].stall
     engine.place(0, Pose2(4.0, 0.0, 0.0))
     for _ in range(5):
         engine.move({0: drive(1.0)})
     assert engine.truth(0).x == pytest.approx(4.5)
-    assert not engine.observe(bases_only=True).robots[0].stall
+    assert not engine.observe_bases().robots[0].stall
     engine.place(0, Pose2(0.5, 0.0, 0.0))
     engine.move({0: drive(1.0)})
     assert engine.truth(0).x == 0.5

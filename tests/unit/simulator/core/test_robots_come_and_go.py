@@ -179,7 +179,7 @@ def test_a_stalled_robot_stays_stalled_while_another_comes(physics: Physics) -> 
     engine = Engine(make_world(make_robot()), options=Options(physics=physics))
     for _ in range(50):
         engine.move({0: drive(0.8)})
-    assert engine.observe(bases_only=True).robots[0].stall
+    assert engine.observe_bases().robots[0].stall
     engine.spawn(1, make_robot(-3.0))
     assert engine.observe().robots[0].stall
 
