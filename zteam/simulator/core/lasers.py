@@ -28,6 +28,9 @@ class Reading(NamedTuple):
     intensities: NDArray[np.float32]
 
 
+_NOTHING = Reading(np.empty(0, np.float32), np.empty(0, np.float32))
+
+
 class _Mount(NamedTuple):
     robot: int
     """Index of the robot in the engine's order."""
@@ -52,13 +55,15 @@ class _Batch:
         # A single ray looks straight ahead; several fill the field of view, its ends included.
         angle_min, step = -ranger.fov / 2 if ranger.samples > 1 else 0.0, ranger.angle_increment
         self.angles: Floats = angle_min + step * np.arange(ranger.samples, dtype=np.float64)
-        variance, self._uniform, angular = np.array([m.ranger.noise for m in mounts], float).T[:, :, None]
-        self._sigma = np.sqrt(variance + options.gaussian_noise**2)
-        """(scans, 1), as all noise: metres."""
-        self._proportional = np.full((len(mounts), 1), options.proportional_noise)
-        """Standard deviation by range."""
+        variance, uniform, angular = np.array([m.ranger.noise for m in mounts], float).T[:, :, None]
+        sigma = np.sqrt(variance + options.gaussian_noise**2)
+        proportional = np.full((len(mounts), 1), options.proportional_noise)
+        noises = (_RANGE_NOISE, sigma), (_SHARE_NOISE, proportional), (_UNIFORM_NOISE, uniform)
+        self._noises = [(kind, scale) for kind, scale in noises if scale.any()]
+        """Those that are not zero everywhere, (scans, 1): standard deviations, in metres or by range; the uniform one is
+        a half width by range."""
         self._angular = 0.5 * angular
-        """Half widths in increments; the uniform noise is one by range."""
+        """Half widths in increments."""
         self._states = np.array([m.states for m in mounts], np.uint64).T
         """(kinds, scans)"""
         jitter = float(self._angular.max())
@@ -78,27 +83,25 @@ class _Batch:
             np.cos(angles, out=beams.cos)
             np.sin(angles, out=beams.sin)
         exact, hit = caster.cast(self.fans)
-        is_hit = hit != caster.nothing
-        wrong = self._disturbed(exact, tick)
-        if wrong is not exact:
-            exact[is_hit] = np.clip(wrong, 0.0, beams.limit)[is_hit]
+        if self._noises:
+            is_hit = hit != caster.nothing
+            exact[is_hit] = np.clip(self._disturbed(exact, tick), 0.0, beams.limit)[is_hit]
         reading = Reading(exact.astype(np.float32), intensity.take(hit))
         if options.below_min != "measured":
             reading.ranges[reading.ranges < self._range_min] = -np.inf if options.below_min == "-inf" else 0.0
         if options.no_hit == "inf":
-            reading.ranges[~is_hit] = np.inf
+            reading.ranges[hit == caster.nothing] = np.inf
         return reading
 
     def _disturbed(self, ranges: Floats, tick: int) -> Floats:
         """Ranges with their noise; terms that are zero everywhere draw nothing."""
         count, wrong = ranges.shape[1], ranges
-        for kind, scale in ((_RANGE_NOISE, self._sigma), (_SHARE_NOISE, self._proportional)):
-            if scale.any():
-                share = ranges if kind == _SHARE_NOISE else 1.0
-                wrong = wrong + scale * share * gaussians(streams(self._states[kind], tick), count)
-        if self._uniform.any():
-            draws = uniforms(streams(self._states[_UNIFORM_NOISE], tick), count)
-            wrong = wrong + (2.0 * draws - 1.0) * self._uniform * ranges
+        for kind, scale in self._noises:
+            draws = streams(self._states[kind], tick)
+            if kind == _UNIFORM_NOISE:
+                wrong = wrong + (2.0 * uniforms(draws, count) - 1.0) * scale * ranges
+            else:
+                wrong = wrong + scale * (ranges if kind == _SHARE_NOISE else 1.0) * gaussians(draws, count)
         return wrong
 
 
@@ -121,25 +124,30 @@ class Lasers:
 
     def measure(self, poses: Floats, tick: int) -> Readings:
         """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
-        nothing = Reading(np.empty(0, np.float32), np.empty(0, np.float32))
-        found = [[nothing] * count for count in self._counts] if self._batches else []
+        measured = []
         for batch in self._batches:
             batch.fans.place(poses)
-            reading = batch.measure(self._caster, self._intensity, self._options, tick)
+            measured.append((batch, batch.measure(self._caster, self._intensity, self._options, tick)))
+        if self._options.dazzle != "off":
+            self._dazzle(measured, tick)
+        found = [[_NOTHING] * count for count in self._counts] if measured else []
+        for batch, reading in measured:
+            for array in reading:
+                array.setflags(write=False)
             for mount, ranges, intensities in zip(batch.mounts, *reading, strict=True):
                 found[mount.robot][mount.place] = Reading(ranges, intensities)
-        if self._options.dazzle != "off":
-            self._dazzle(found, tick)
-        for array in itertools.chain(*itertools.chain(*found)):
-            array.setflags(write=False)
         return found
 
-    def _dazzle(self, readings: Readings, tick: int) -> None:
-        mounts = [(batch, row, mount) for batch in self._batches for row, mount in enumerate(batch.mounts)]
-        lasers = [_Laser(m, Pose2(*b.fans.at[:, row].tolist()), b.angles) for b, row, m in mounts if m.ranger.is_laser]
+    def _dazzle(self, measured: Sequence[tuple[_Batch, Reading]], tick: int) -> None:
+        lasers = [
+            _Laser(mount, Pose2(*batch.fans.at[:, row].tolist()), batch.angles, reading.ranges[row])
+            for batch, reading in measured
+            for row, mount in enumerate(batch.mounts)
+            if mount.ranger.is_laser
+        ]
         options = self._options
-        for (mount, _, angles), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
-            ranges, ranger = readings[mount.robot][mount.place].ranges, mount.ranger
+        for (mount, _, angles, ranges), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
+            ranger = mount.ranger
             struck = np.abs(np.remainder(angles - bearing + math.pi, math.tau) - math.pi) <= options.dazzle_angle
             if options.dazzle == "scan" and struck.any():
                 struck[:] = True
@@ -160,6 +168,8 @@ class _Laser(NamedTuple):
     pose: Pose2
     angles: Floats
     """Of its beams."""
+    ranges: NDArray[np.float32]
+    """What they measured, which is changed."""
 
 
 def _find_dazzled(

@@ -5,6 +5,7 @@ import math
 import threading
 from collections import Counter, defaultdict, deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import chain, compress
 from typing import Literal
 
 import numpy as np
@@ -86,12 +87,12 @@ class RunStatistics:
         now = _poses_of(poses)
         with self._lock:
             self.ticks += 1
-            self._trajectory.update(np.array(now, "<f8").tobytes())
+            self._trajectory.update(np.fromiter(chain(*now), "<f8"))
             for robot, pose in zip(self._find_robots(ids, now), now, strict=True):
                 robot.distance_m += math.dist(robot.pose[:2], pose[:2])
                 robot.scans += scans.get(robot.id, 0)
                 robot.pose = pose
-            now_stalled = {robot_id for robot_id, is_stalled in zip(ids, stalled.tolist(), strict=True) if is_stalled}
+            now_stalled = {*compress(ids, stalled.tolist())}
             for robot_id in now_stalled - self._stalled:
                 self._robots[robot_id].stalls += 1
             self._stalled = now_stalled
