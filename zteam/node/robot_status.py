@@ -23,6 +23,8 @@ PERIOD = to_ns(1.0)
 """Simulated nanoseconds between two statuses of a robot in lock-step."""
 REST = to_ns(5.0)
 """Nanoseconds for which a reason has to be gone until it is printed again."""
+_NOBODY = -1, -1
+"""Whom a reason that is no Reason waits for and is blocked by."""
 _MOST = 4
 """Reasons that are printed within REST: one that has a number in it may be another one in each step."""
 
@@ -152,12 +154,11 @@ class StatusReport:
             self.say_again()
 
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
-        behavior, told = self.tells_of, self.tells_of.navigation
+        behavior, told, reason = self.tells_of, self.tells_of.navigation, self.readiness.reason
         goal = told and (told.state, told.text, told.goal)
-        reason = Reason.of(self.readiness.reason)
-        others = reason.waits_for, reason.blocked_by
+        others = (reason.waits_for, reason.blocked_by) if isinstance(reason, Reason) else _NOBODY
         stands = self.driver, self._stop.is_stopped, behavior.follows, behavior.turns, goal, others
-        return self.readiness.state, self.readiness.reason, stands
+        return self.readiness.state, reason, stands
 
     def tell(self, *, logged: bool = True) -> None:
         """Publish the state if it is another one than before; also log the reason, unless the caller has."""

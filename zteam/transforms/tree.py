@@ -63,8 +63,10 @@ class TimeCache:
             self.newest, self.parent = stamp, parent
         else:
             samples.insert(bisect_left(samples, (stamp,)), (stamp, parent, floats))
-        if samples[0][0] < self.newest - cache:
-            del samples[: bisect_left(samples, (self.newest - cache,))]
+        oldest = self.newest - cache
+        if samples[0][0] < oldest:
+            # Nearly always one.
+            del samples[: 1 if samples[1][0] >= oldest else bisect_left(samples, (oldest,))]
 
     def find(self, stamp: int) -> Sample | None:
         """The sample with exactly this stamp."""

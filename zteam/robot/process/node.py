@@ -110,7 +110,8 @@ class RobotNode:
 
     def _lateness_of_scan(self, sample: RawSample) -> str:
         """As of velocities: simulated time, which comes over the same link, cannot tell. A base has the host's time."""
-        return self._lateness_of(sample) if self._node.clock.simulated else ""
+        node = self._node
+        return "" if node.ticks_tell_time or not node.clock.simulated else self._lateness.problem(sample)
 
     def _cancel_goal(self) -> CancelReply:
         with self._node.between_steps():

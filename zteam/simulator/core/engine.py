@@ -255,14 +255,17 @@ class Engine:
         Raises UsageError for a command to a robot that is not there, or one that is not finite.
         """
         arrays = self._assembled()
-        now = self.now
+        now, rows = self.now, dict[int, tuple[float, float, float]]()
         for robot_id, twist in commands.items():
-            self._check_there(robot_id)
+            if robot_id not in arrays.ids:
+                self._check_there(robot_id)
             x, y, yaw = command = twist.linear.x, twist.linear.y, twist.angular.z
             if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
-            i = arrays.ids[robot_id]
-            arrays.commands[i], arrays.commanded[i] = command, now
+            rows[arrays.ids[robot_id]] = command
+        if rows:
+            places = [*rows]
+            arrays.commands[places], arrays.commanded[places] = [*rows.values()], now
         arrays.move(now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 

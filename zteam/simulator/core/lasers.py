@@ -60,8 +60,8 @@ class _Batch:
         proportional = np.full((len(mounts), 1), options.proportional_noise)
         noises = (_RANGE_NOISE, sigma), (_SHARE_NOISE, proportional), (_UNIFORM_NOISE, uniform)
         self._noises = [(kind, scale) for kind, scale in noises if scale.any()]
-        """Those that are not zero everywhere, (scans, 1): standard deviations, in metres or by range; the uniform one is
-        a half width by range."""
+        """Those that are not zero everywhere, (scans, 1): standard deviations in metres or by range, or half widths by
+        range."""
         self._angular = 0.5 * angular
         """Half widths in increments."""
         self._states = np.array([m.states for m in mounts], np.uint64).T

@@ -87,7 +87,7 @@ class RunStatistics:
         now = _poses_of(poses)
         with self._lock:
             self.ticks += 1
-            self._trajectory.update(np.fromiter(chain(*now), "<f8"))
+            self._trajectory.update(np.fromiter(chain(*now), "<f8").tobytes())
             for robot, pose in zip(self._find_robots(ids, now), now, strict=True):
                 robot.distance_m += math.dist(robot.pose[:2], pose[:2])
                 robot.scans += scans.get(robot.id, 0)

@@ -63,9 +63,9 @@ class Bundle:
 
     def take_in_lockstep(self, robot_id: int, stamp: int, newest: int = 0) -> None:
         """Lock-step: a robot has spoken for the tick of `stamp`, which itself may arrive later; `newest` has come."""
-        for known in [known for known in self._fresh if known < newest]:
-            del self._fresh[known]
-            self._left.pop(known, None)
+        while self._fresh and (oldest := min(self._fresh)) < newest:
+            del self._fresh[oldest]
+            self._left.pop(oldest, None)
         if stamp >= newest:
             self._fresh.setdefault(stamp, set()).add(robot_id)
         if len(self._fresh) < _MOST_TICKS:
