@@ -115,7 +115,9 @@ class Participant:
     """
 
     robots: frozenset[int] = frozenset()
-    """In the world at the newest tick."""
+    """In the world at the newest tick; another set when they are others."""
+    _world: Sequence[int] = ()
+    """As the newest tick lists them."""
     team: tuple[int, ...] = ()
     """The robots whose processes took part when the newest tick was opened, ascending: the same for all of them, also
     if one ends in the middle of the tick. Another tuple when another process takes part, be it of the same robot."""
@@ -178,7 +180,8 @@ class Participant:
         if before is None:
             self._node.take_time_from_ticks()
         self.stamp = ns_from_time(tick.stamp)
-        self.robots = frozenset(tick.robots.tolist())
+        if (robots := tick.robots.tolist()) != self._world:
+            self._world, self.robots = robots, frozenset(robots)
         self._node.set_time(self.stamp)
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.

@@ -360,7 +360,7 @@ class Node(ProcessNode):
                 self.wait(lambda: not self.part.expected, self._heartbeat.left(), by_inputs=False)
             else:
                 self._timer.wait(self._heartbeat.left())
-                self._step()
+                self.take_step(self._begin, self._act, self._end)
             if self.stopping or not self._heartbeat.due():
                 continue
             beat()
@@ -458,13 +458,11 @@ class Node(ProcessNode):
 
         The first tick is held until all are ready, and what that takes may come after the answer.
         """
-        if self.part.state is TickState.OPEN:
-            self._step()
-        elif self.part.state is TickState.ANSWERED and not self.readiness.released:
+        state = self.part.state
+        if state is TickState.OPEN:
+            self.take_step(self._begin, self._act, self._end)
+        elif state is TickState.ANSWERED and not self.readiness.released:
             self.look()
-
-    def _step(self) -> None:
-        self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:
         part, tick, may_step = self.part, self.part.tick, self.switch is None or self.switch.is_known

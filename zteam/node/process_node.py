@@ -62,8 +62,9 @@ class ProcessNode:
         self.lock = threading.RLock()
         """That of `changed`, for code that only takes it: the condition around it would triple the time."""
         self.changed = WatchedCondition(self.lock)
-        self.present = False
-        """Whether this process holds its name and has not begun to give it back."""
+        self.present = self.can_publish = False
+        """Whether this process holds its name and has not begun to give it back. If it fails it stays present, but may
+        not act and answer any more under the name."""
         self.exit_code = 0
         """Exit code of a process whose body ended without an error."""
         self.clock = AutoClock()
@@ -113,11 +114,6 @@ class ProcessNode:
     def stopping(self) -> bool:
         return self.stop.requested
 
-    @property
-    def can_publish(self) -> bool:
-        """Whether it may act and answer under its name: it holds the name, is not being closed and has not failed."""
-        return self.present and self._failure is None
-
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
         self.claim.win(self.stop.request, self._win)
@@ -126,7 +122,7 @@ class ProcessNode:
 
     def _win(self) -> None:
         # Before the token: a process that sees the token may ask this one at once.
-        self.present = True
+        self.present, self.can_publish = True, self._failure is None
         self.bus.release()
 
     def on_present(self, hook: Callable[[], object]) -> None:
@@ -142,7 +138,7 @@ class ProcessNode:
         with self.changed:
             self.changed.wait_until(lambda: not self._busy, _CLOSE_LIMIT)
             # The hooks publish last. Until the token is gone ticks still come, and must not be answered.
-            self.present = False
+            self.present = self.can_publish = False
         for hook in self._on_stop:
             try:
                 hook()
@@ -236,7 +232,8 @@ class ProcessNode:
             while self._later:
                 callback, content = self._later.popleft()
                 callback(*content)
-            self.changed.look()
+            if self.changed.awaited:
+                self.changed.look()
         if had_input:
             self.on_input()
 
@@ -264,7 +261,7 @@ class ProcessNode:
     def fail(self, error: BaseException) -> None:
         """End the process for an error on a thread of the bus: `wait` raises it in the main loop."""
         # The first error is the cause; later ones follow from it.
-        self._failure = self._failure or error
+        self._failure, self.can_publish = self._failure or error, False
         self.wake()
 
     def wake(self) -> None:

@@ -106,7 +106,8 @@ class StepWatch:
             work.call = outer_call
             seconds = monotonic() - self._began
             self._late = self._late + 1 if paced and 0.0 < interval < seconds else 0
-            self._warn("takes", seconds, self._slow, is_slow=self._late >= SLOW_STEPS)
+            if seconds >= LONG or self._late >= SLOW_STEPS:
+                self._warn("takes", seconds, self._slow, is_slow=self._late >= SLOW_STEPS)
 
     def look(self) -> None:
         """A step is under way. Called by the thread that looks."""
