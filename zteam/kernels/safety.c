@@ -170,11 +170,7 @@ static velocity brake(const base_limits *b, velocity last, double seconds)
 /* When a point is met */
 
 /* Points (2, n) in a frame. */
-typedef struct {
-    const double *x, *y;
-    int64_t count;
-    frame at;
-} cloud;
+typedef struct { const double *x, *y; int64_t count; frame at; } cloud;
 
 /* An arc that is looked at, and what holds all that the base sweeps on it with the margin: a disc, and a ring about the
    centre of the arc, or a strip along a straight one. */
@@ -261,8 +257,7 @@ static double meet_copies(const sweep *s, const cloud *points, double count, dou
     for (int is_second = 0; is_second < 2; is_second++)
         for (double copy = 0.0; copy < count; copy++) {
             frame at = points->at;
-            at.x += copy * step_x;
-            at.y += copy * step_y;
+            at.x += copy * step_x, at.y += copy * step_y;
             for (int64_t i = 0; i < points->count; i++) {
                 point p = from_frame(at, points->x[i], points->y[i]);
                 double dx = p.x - s->x, dy = p.y - s->y;
@@ -339,10 +334,7 @@ static void look_at_mates(safety_memory *m, const safety_inputs *in)
             if (sqrt(t->speed_x * t->speed_x + t->speed_y * t->speed_y) > t->base->too_fast)
                 t->speed_x = t->speed_y = 0.0;
         }
-        t->x = pose[0];
-        t->y = pose[1];
-        t->stamp = stamp;
-        t->age = larger(0.0, age);
+        t->x = pose[0], t->y = pose[1], t->stamp = stamp, t->age = larger(0.0, age);
         point at = to_frame(frame_at(here[0], here[1], here[2]), pose[0], pose[1]);
         t->at = frame_at(at.x, at.y, pose[2] - here[2]);
         t->bearing = angle_of(at.x - m->laser_x, at.y - m->laser_y);
@@ -377,8 +369,7 @@ static void forget(safety_memory *m)
 {
     m->count = m->silent_count = m->has_beams = 0;
     m->travelled = m->backing = m->middle = m->half = 0.0;
-    m->range = INFINITY;
-    m->whole = INT64_MIN / 2;
+    m->range = INFINITY, m->whole = INT64_MIN / 2;
     for (size_t i = 0; i < sizeof m->heard / sizeof *m->heard; i++)
         m->heard[i] = INT64_MIN / 2;
 }
@@ -408,8 +399,7 @@ static void move(safety_memory *m, const double *odom, double reach)
         frame now = frame_at(at.x, at.y, turn), half = frame_at(0.0, 0.0, 0.5 * turn);
         for (int64_t i = 0; i < m->count; i++) {
             point p = to_frame(now, x[i], y[i]);
-            x[i] = p.x;
-            y[i] = p.y;
+            x[i] = p.x, y[i] = p.y;
         }
         m->travelled += way;
         int forwards = half.cosine * at.x + half.sine * at.y > 0.9 * way;
@@ -641,8 +631,7 @@ static velocity avoid(safety_memory *m, velocity v, int64_t *cause)
     }
     if (speed_of(slow) == 0.0 && (speed_of(v) != 0.0 || slow.turn == 0.0)) {
         *cause = STOPPED;
-        m->met = met;
-        m->side = side_of(v);
+        m->met = met, m->side = side_of(v);
     }
     return slow;
 }
@@ -663,8 +652,7 @@ static velocity cut(safety_memory *m, velocity asked, const double *odom, int64_
         side = *cause == FREE ? m->side : side;
         *cause = *cause == FREE ? other : *cause;
         motion = speed_of(seen) != 0.0 || speed_of(motion) == 0.0 ? seen : avoid(m, seen, &other);
-        m->side = side;
-        m->met = met;
+        m->met = met, m->side = side;
     }
     m->held = (speed_of(asked) != 0.0 && speed_of(motion) == 0.0) || is_standing(motion) ? way_of(asked) : 0;
     return motion;
@@ -684,8 +672,7 @@ int64_t limit(safety_memory *m, const safety_inputs *in, const double *wanted)
         move(m, in->odom, reach);
         if (in->seen) {
             m->range = in->range > 0.0 ? in->range : INFINITY;
-            m->laser_x = in->laser_x;
-            m->laser_y = in->laser_y;
+            m->laser_x = in->laser_x, m->laser_y = in->laser_y;
             take_scan(m, in->seen, in->now, reach);
         }
         look_at_mates(m, in);
