@@ -24,7 +24,7 @@ PERIOD = to_ns(1.0)
 REST = to_ns(5.0)
 """Nanoseconds for which a reason has to be gone until it is printed again."""
 _NOBODY = -1, -1
-"""Whom a reason that is no Reason waits for and is blocked by."""
+"""`waits_for` and `blocked_by` of a reason that is no Reason."""
 _MOST = 4
 """Reasons that are printed within REST: one that has a number in it may be another one in each step."""
 
