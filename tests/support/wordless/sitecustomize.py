@@ -31,7 +31,7 @@ _WORDS = re.compile(r"[^\W\d_].*\s|\s.*[^\W\d_]", re.S)
 
 def is_text(value: str) -> bool:
     """Whether a string is words for people."""
-    return _WORDS.search(value) is not None and not value.endswith(" *")  # a type of C
+    return _WORDS.search(value) is not None and not value.endswith((" *", " *[]"))  # a type of C
 
 
 def literal(node: ast.AST) -> str:
