@@ -233,7 +233,7 @@ class BoxedIn:
         self._has_turned = self._is_boxed = False
 
     def rest(self) -> None:
-        """Until now it was no reason that it did not get on."""
+        """What kept it until now is no reason to act."""
         self._since = 0
 
     def look(self, now: int, leader: Pose2) -> bool:
