@@ -133,7 +133,7 @@ def test_places_are_those_of_a_walk_point_by_point(
 SPACING = 0.1
 """Metres between two points of the trail."""
 TAIL = 0.2
-"""Metres from the trail's end to the leader at most: the spacing, and the reach of the poses that a point is made of."""
+"""Metres from the trail's end to the leader at most: the spacing, and the reach of the poses behind a point."""
 
 
 class Trail(LeaderTrail):
