@@ -8,6 +8,7 @@ import pytest
 from zteam.bus import memory
 from zteam.errors import EncodeError
 from zteam.messages import Message, cdr, decode, encode
+from zteam.messages.geometry_msgs import TransformRows
 
 _adopt = cdr.adopt
 
@@ -26,6 +27,8 @@ def _checked(message: Any) -> Any:
 
 def _compare(given: Any, due: Any) -> None:
     """Raise EncodeError unless both are the same, types and precision included."""
+    if isinstance(due, TransformRows):
+        due = [*due]
     if type(given) is not type(due):
         raise EncodeError(f"{given!r} was handed over where a {type(due).__name__} is due")
     if isinstance(due, Message):

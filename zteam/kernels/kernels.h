@@ -333,6 +333,73 @@ int follow_trail(trail *t, const double *own, double place, double back, double 
 void find_trail_pose(trail *t, double place, double lateral, double *pose);
 double trail_curvature(trail *t, double place);
 
+/* A frame's name in UTF-8, or that of who sends. Equal names of a buffer have one place. */
+typedef struct {
+    const uint8_t *text;
+    int64_t size;
+} tf_name;
+
+/* parent_from_child at a time (ns): x, y, z (m) and a unit quaternion x, y, z, w. */
+typedef struct {
+    int64_t stamp;
+    const tf_name *parent;
+    double pose[7];
+} tf_sample;
+
+/* The edge from a frame to its parent. A static one has one sample, which holds at all times. */
+typedef struct {
+    tf_sample *samples;         /* (room), allocated here; by ascending stamps from `first` on */
+    int64_t room, first, count;
+    const tf_name *child, *authority; /* who sent the sample that came last */
+    int64_t is_static;
+} tf_edge;
+
+/* A moving edge of a path, which leads down it or up, and the static transform to the next one. */
+typedef struct {
+    const tf_edge *edge;
+    int64_t is_down;
+    double after[7];
+} tf_step;
+
+/* From a frame to another one. */
+typedef struct {
+    double first[7]; /* the static transform before the first step */
+    const tf_step *steps;
+    int64_t count;
+} tf_path;
+
+/* A transform in a message of `tf`: where its names are among the bytes, and the rest. */
+typedef struct {
+    int64_t stamp, sec, nanosec, parent, parent_size, child, child_size;
+    double pose[7];
+} tf_row;
+
+/* How far the square of a quaternion's length may be from 1: that is the rounding of doubles. */
+#define TF_ROUNDING 1e-15
+
+/* transforms.c. a_from_c of a_from_b and b_from_c; b_from_a of a_from_b. */
+void compose(const double *a, const double *b, double *out);
+void invert(const double *a, double *out);
+void free_samples(tf_edge *e);
+/* Whether all samples have one parent; how many are older than a time. */
+int has_one_parent(const tf_edge *e);
+int64_t count_before(const tf_edge *e, int64_t time);
+/* Add a sample with a new stamp, and forget those that are so much older than the newest one. 0 without memory. */
+int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *pose, int64_t cache);
+/* Add one that has the parent of the newest one if that is sure: 1, or 0 if it is the newest one again. -1: not sure. */
+int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *authority, int64_t cache);
+/* Do so with the transforms of a message from one on, until one is not sure or later than `latest`; return which. */
+int64_t take_transforms(tf_edge *const *edges, int64_t known, const uint8_t *bytes, const tf_row *rows, int64_t from,
+                        int64_t count, const tf_name *authority, int64_t latest, int64_t cache, int64_t *repeated);
+/* The newest time that all moving edges of a path have; 0 if none moves. A stamp of 0 is none. */
+int64_t newest_time(const tf_path *p);
+/* target_from_source (7) and its yaw (rad) at a time; 0 where an edge has no data. */
+int solve_path(const tf_path *p, int64_t time, double *found);
+/* The newest planar poses (count, 4: m, m, rad, ns) and their stamps; return how many are not known: NaN, INT64_MIN. */
+int64_t solve_newest(const tf_path *const *paths, int64_t count, double *poses, int64_t *stamps);
+/* Read so many TransformStamped of little-endian CDR, and return the end, or -1: none that is usual. */
+int64_t read_transforms(const uint8_t *bytes, int64_t at, int64_t end, int64_t count, tf_row *rows);
+
 /* A scan in which some hits are on other robots. */
 typedef struct {
     const double *axes, *distances; /* (2, beams): cosines and sines; (beams), metres */

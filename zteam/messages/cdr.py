@@ -221,7 +221,11 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
                 # Each element takes a byte at least.
                 source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
             reader = source.name("R", _reader(field.kind, order))
-            source.add(f"{value} = []", f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
+            lines = [f"{value} = []", f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)"]
+            if order == "<" and (read_rows := getattr(field.kind, "read_rows", None)) is not None:
+                source.add(f"e = {source.name('V', read_rows)}(buf, p, end, n)", f"if e is not None: {value}, p = e")
+                lines = ["else:", *(f"    {line}" for line in lines)]
+            source.add(*lines)
     source.end_run(*_UNPACK)
     source.add(*checks)
     if finite:

@@ -1,13 +1,15 @@
 """Types of geometry_msgs and tf2_msgs, as in ROS 2 Jazzy."""
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, overload
 
 import msgspec
 
 from zteam import names
+from zteam.kernels import transforms as kernels
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
-from zteam.messages.std_msgs import Stamped, ns_from_time
+from zteam.messages.std_msgs import Header, Stamped, Time, ns_from_time
 
 
 class Vector3(Message):
@@ -132,12 +134,51 @@ class TransformStamped(Stamped):
     child_frame_id: str = ""
     transform: Transform = msgspec.field(default_factory=Transform)
 
+    @staticmethod
+    def read_rows(payload: bytes, at: int, end: int, count: int) -> "tuple[TransformRows, int] | None":
+        """What the codec reads many with, in its form: they, and where they end; None if one is not usual."""
+        # A single one is looked at anyway.
+        read = kernels.read_transforms(payload, at, end, count) if count > 1 else None
+        return None if read is None else (TransformRows(read[0]), read[1])
+
+
+class TransformRows(Sequence[TransformStamped]):
+    """The transforms of a message as its bytes hold them. Each is made when it is looked at."""
+
+    def __init__(self, rows: kernels.Rows) -> None:
+        self.rows = rows
+        """For kernels."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, at: int) -> TransformStamped: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[TransformStamped]: ...
+    def __getitem__(self, at: int | slice) -> TransformStamped | list[TransformStamped]:
+        if isinstance(at, slice):
+            return [self[place] for place in range(*at.indices(len(self)))]
+        sec, nanosec, parent, child, (x, y, z, i, j, k, w) = self.rows[at if at >= 0 else at + len(self)]
+        return TransformStamped(
+            Header(Time(sec, nanosec), parent), child, Transform(Vector3(x, y, z), Quaternion(i, j, k, w))
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and [*self] == [*other]
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return repr([*self])
+
 
 class TFMessage(Message):
     """Transforms that were sent together."""
 
     ros_type: ClassVar[str] = "tf2_msgs/msg/TFMessage"
     transforms: list[TransformStamped] = msgspec.field(default_factory=list)
+    """Of a message that was received a sequence that cannot be changed, as arrays are."""
 
 
 @lru_cache(maxsize=4096)

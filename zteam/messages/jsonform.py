@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from zteam.errors import UsageError
+from zteam.messages.geometry_msgs import TransformRows
 from zteam.messages.message import Field, Message, fields_of
 from zteam.messages.std_msgs import Header, Time
 
@@ -32,7 +33,7 @@ def to_plain(value: Any, *, is_float32: bool = False) -> Any:
         return {name: to_plain(getattr(value, name), is_float32=short) for name, short in shorts.items()}
     if isinstance(value, np.ndarray):
         return to_plain(value.tolist(), is_float32=is_float32) if value.dtype.kind == "f" else value.tolist()
-    if isinstance(value, list):
+    if isinstance(value, list | TransformRows):
         return [to_plain(item, is_float32=is_float32) for item in value]
     if not isinstance(value, float):
         return value

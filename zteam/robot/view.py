@@ -16,7 +16,7 @@ from zteam import names
 from zteam.counter_random import uniform
 from zteam.geometry import Point2, Pose2
 from zteam.kernels import view as kernels
-from zteam.kernels.binding import ffi
+from zteam.kernels.transforms import NOT_KNOWN, gather_poses
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 
@@ -27,7 +27,6 @@ Floats = NDArray[np.float64]
 FindPose = Callable[..., tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame, time=0)`: target_from_source at a time (ns), or the newest with 0, and its
 stamp (ns; 0 where nothing between the two frames moves), or None where the look-up failed."""
-_NOWHERE = math.nan, math.nan, math.nan, 0.0
 
 
 class Teammate(NamedTuple):
@@ -50,16 +49,15 @@ class TeamPoses(NamedTuple):
 
     rows: Mapping[int, int]
     """The row of each robot, by its id."""
-    found: Sequence[tuple[Pose2, int] | None]
-    """By row, the pose and its stamp (ns; 0: nothing on the way to it ever moves); None where it is not known."""
     poses: Any
-    """(rows, 4), for C: the same; m, m, rad, ns; NaN and 0 where it is not known."""
+    """(rows, 4) doubles for C: x, y (m), yaw (rad), stamp (ns); NaN where the pose is not known."""
+    stamps: Sequence[int]
+    """By row (ns; 0: nothing on the way to it ever moves; NOT_KNOWN)."""
 
-    @classmethod
-    def of(cls, rows: Mapping[int, int], found: Sequence[tuple[Pose2, int] | None]) -> "TeamPoses":
-        """What was found of these robots, by row."""
-        flat = [number for each in found for number in ((*each[0], each[1]) if each else _NOWHERE)]
-        return cls(rows, found, ffi.new("double[]", flat))
+    def at(self, row: int) -> tuple[Pose2, int] | None:
+        """The pose of a row and its stamp, or None."""
+        stamp = self.stamps[row]
+        return None if stamp == NOT_KNOWN else (Pose2(*self.poses[4 * row : 4 * row + 3]), stamp)
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -98,7 +96,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """Those of this robot and of all of `team` and `bases`. A robot's process sets them before its step."""
         robots = sorted({self.robot_id, *self.team, *self.bases})
         found = [self.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT)) for robot in robots]
-        return TeamPoses.of({robot: row for row, robot in enumerate(robots)}, found)
+        return TeamPoses({robot: row for row, robot in enumerate(robots)}, *gather_poses(found))
 
     @cached_property
     def _seen(self) -> list[float]:
@@ -131,7 +129,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         row = poses.rows.get(robot_id)
         if row is None:
             return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        return poses.found[row]
+        return poses.at(row)
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""
@@ -139,10 +137,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         row = poses.rows.get(robot_id)
         if row is None:
             return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        found = poses.found[row]
-        if found is None or poses.found[poses.rows[self.robot_id]] is None:
+        stamp = poses.stamps[row]
+        if NOT_KNOWN in (stamp, poses.stamps[poses.rows[self.robot_id]]):
             return None
-        return Pose2(*self._seen[3 * row : 3 * row + 3]), found[1]
+        return Pose2(*self._seen[3 * row : 3 * row + 3]), stamp
 
     def random(self, draw: int = 0) -> float:
         """A number in [0, 1): the same for the same seed, robot, time and `draw`, whatever else was drawn."""

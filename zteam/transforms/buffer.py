@@ -1,4 +1,4 @@
-"""The transform buffer: it behaves like tf2's, in pure Python, without the bus.
+"""The transform buffer: it behaves like tf2's, without the bus.
 
 Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` is the pose of
 `source` in `target`. docs/transforms lists the intended differences from tf2. Each public call takes the one lock.
@@ -6,23 +6,27 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 
 import logging
 import threading
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam import messages
-from zteam.clock import NS_PER_S, WatchedCondition
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.clock import WatchedCondition
+from zteam.geometry import Pose2
+from zteam.kernels.transforms import Answer, Edge, Edges, Floats, FramePath, Names, Paths, compose, gather_poses
 from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, TransformStamped, Vector3
+from zteam.messages.geometry_msgs import TransformRows
 from zteam.names import strip_slash
 from zteam.transforms import errors, rigid, tree
-from zteam.transforms.rigid import Floats, compose, floats_of, stamped_transform
-from zteam.transforms.tree import FrameInfo, FramePath, Rejection, TimeCache
+from zteam.transforms.rigid import floats_of, stamped_transform
+from zteam.transforms.tree import FrameInfo, Rejection
 
 log = logging.getLogger("zteam.tf")
 
+_FOREVER = 2**63 - 1
 DEFAULT_CACHE = 10.0
 """Seconds of history, as tf2's default."""
 
@@ -36,10 +40,16 @@ class Buffer:
         """Nanoseconds for which moving frames are remembered."""
         self.duplicates = 0
         """How many samples came that their edges had already."""
-        self._edges: dict[str, TimeCache] = {}
+        self._names = Names()
+        self._edges: dict[str, Edge] = {}
         """By child frame."""
+        # All three are cleared if a frame, a parent or a static transform changes.
         self._paths: dict[tuple[str, str], FramePath] = {}
-        """By target and source; cleared if a frame, a parent or a static transform changes."""
+        """By target and source."""
+        self._groups: dict[tuple[str, tuple[str, ...]], Paths] = {}
+        """Of many sources."""
+        self._moving: Edges | None = None
+        """Those that bundles bring."""
         self.version = 0
         """How often a frame, a parent or a static transform has changed: what leads over static transforms alone is the
         same meanwhile."""
@@ -53,24 +63,27 @@ class Buffer:
         refused = self.set_transforms((transform,), authority)
         return refused[0] if refused else None
 
-    def set_transforms(self, transforms: Iterable[TransformStamped], authority: str, now: int = 0) -> list[Rejection]:
+    def set_transforms(self, transforms: Sequence[TransformStamped], authority: str, now: int = 0) -> list[Rejection]:
         """Store a sample of each of these moving edges; why some were refused.
 
         Where the time `now` (ns) is known, a sample that is further ahead of it than the buffer remembers is refused:
         with it, all later ones would be too old.
         """
-        found, add, last = [], self._add, now + self._cache if now else None
+        found, at, latest = list[Rejection](), 0, now + self._cache if now else _FOREVER
         with self.lock:
-            for transform in transforms:
-                header, pose = transform.header, transform.transform
-                p, q, stamp = pose.translation, pose.rotation, header.stamp
-                time = stamp.sec * NS_PER_S + stamp.nanosec
-                if last is not None and time > last:
+            while at < len(transforms):
+                if isinstance(transforms, TransformRows):
+                    at, repeated = self._take(transforms, at, authority, latest)
+                    self.duplicates += repeated
+                    if at == len(transforms):
+                        break
+                transform, at = transforms[at], at + 1
+                time = messages.ns_from_time(transform.header.stamp)
+                if time > latest:
                     text = f"{transform.child_frame_id} is {(time - now) / 1e9:.1f} s ahead of the time"
                     found.append(Rejection("TF_FUTURE_DATA", text))
                     continue
-                floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
-                refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
+                refused = self._add(transform, time, authority)
                 if refused is not None:
                     found.append(refused)
             self._changed.look()
@@ -107,7 +120,7 @@ class Buffer:
         with self.lock:
             for child, edge in self._edges.items():
                 if not edge.static:
-                    self._edges[child] = TimeCache()
+                    self._edges[child] = Edge(self._names, child)
             self._forget_paths()
 
     def take_time(self, now: int) -> bool:
@@ -123,27 +136,34 @@ class Buffer:
     def lookup_transform(self, target_frame: str, source_frame: str, time: int = 0) -> TransformStamped:
         """The pose of `source_frame` in `target_frame` at `time`. Raises tf2's exceptions."""
         with self.lock:
-            answer = self._solve(target_frame, source_frame, time)
-        return stamped_transform(messages.time_from_ns(answer[0]), target_frame, source_frame, answer[1:])
+            stamp, answer = self._solve(target_frame, source_frame, time)
+        return stamped_transform(messages.time_from_ns(stamp), target_frame, source_frame, answer[:7])
 
     def lookup_pose2(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int]:
         """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
         with self.lock:
-            stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, time)
-        return Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp
+            stamp, (x, y, *_, yaw) = self._solve(target_frame, source_frame, time)
+        return Pose2(x, y, yaw), stamp
 
-    def find_poses2(self, target_frame: str, source_frames: Iterable[str]) -> list[tuple[Pose2, int] | None]:
-        """As `lookup_pose2` of each source's newest pose; None where that fails."""
-        found: list[tuple[Pose2, int] | None] = []
+    def find_poses2(self, target_frame: str, source_frames: tuple[str, ...]) -> tuple[Any, Any]:
+        """The newest planar poses of many sources: (sources, 4) doubles for C, x, y (m), yaw (rad) and stamp (ns); and
+        the stamps. What `lookup_pose2` would raise for is NaN, its stamp NOT_KNOWN."""
         with self.lock:
-            for source_frame in source_frames:
-                try:
-                    stamp, x, y, _, i, j, k, w = self._solve(target_frame, source_frame, 0)
-                except errors.TransformException:
-                    found.append(None)
-                else:
-                    found.append((Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp))
-        return found
+            group = self._groups.get((target_frame, source_frames))
+            if group is not None:
+                poses, stamps, failed = group.solve()
+                if not failed:
+                    return poses, stamps
+            answers = [self._find(target_frame, source_frame) for source_frame in source_frames]
+            paths = [self._paths.get((target_frame, source_frame)) for source_frame in source_frames]
+            if len(known := [path for path in paths if path is not None]) == len(paths):
+                self._groups[target_frame, source_frames] = Paths(known)
+        return gather_poses(answers)
+
+    def _find(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
+        with suppress(errors.TransformException):
+            return self.lookup_pose2(target_frame, source_frame)
+        return None
 
     def lookup_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
@@ -157,7 +177,7 @@ class Buffer:
             source = self._solve(fixed_frame, source_frame, source_time)
             target = self._solve(target_frame, fixed_frame, target_time)
         return stamped_transform(
-            messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:])
+            messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1][:7], source[1][:7])
         )
 
     def can_transform(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[bool, str]:
@@ -227,7 +247,7 @@ class Buffer:
             end = min(newest, time + interval // 2) if time else newest
             after = self._solve(observation_frame, tracking_frame, end)
             before = self._solve(observation_frame, tracking_frame, end - interval)
-        return rigid.twist_between(before[1:], after[1:], averaging_interval)
+        return rigid.twist_between(before[1][:7], after[1][:7], averaging_interval)
 
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
         """Wait until the look-up answers and return its answer; after `timeout` host seconds, raise its exception."""
@@ -245,7 +265,7 @@ class Buffer:
         """The figures of one child frame; None without data."""
         with self.lock:
             edge = self._edges.get(child)
-            return edge.info() if edge is not None and edge.parent else None
+            return tree.info_of(edge) if edge is not None and edge.parent else None
 
     def chain(self, frame: str) -> list[str]:
         """A frame and its ancestors, the nearest first, by the newest parents; the frame alone if nothing is known."""
@@ -259,28 +279,31 @@ class Buffer:
     def frames(self) -> dict[str, FrameInfo]:
         """The figures of every child frame, sorted by name."""
         with self.lock:
-            return {child: edge.info() for child, edge in sorted(self._edges.items()) if edge.parent}
+            return {child: tree.info_of(edge) for child, edge in sorted(self._edges.items()) if edge.parent}
 
     # All below: callers hold the lock.
 
     def _forget_paths(self) -> None:
         self._paths.clear()
+        self._groups.clear()
+        self._moving = None
         self.version += 1
 
-    def _add(self, child: str, parent: str, stamp: int, floats: Floats, authority: str) -> Rejection | None:
+    def _take(self, rows: TransformRows, start: int, authority: str, latest: int) -> tuple[int, int]:
+        """Store usual samples of the bytes of a message from one on: the number of the first one that is not, or is
+        later than `latest`, and how many came again."""
+        if self._moving is None:
+            self._moving = Edges(edge for edge in self._edges.values() if not edge.static)
+        return self._moving.take(rows.rows, start, self._names.of(authority), latest, self._cache)
+
+    def _add(self, transform: TransformStamped, stamp: int, authority: str) -> Rejection | None:
         """`_put` a moving sample, in short where it is a usual one."""
+        child, parent, floats = transform.child_frame_id, transform.header.frame_id, floats_of(transform.transform)
         edge = self._edges.get(child)
-        if edge is not None and edge.parent == parent and not edge.static:
-            x, y, z, i, j, k, w = floats
-            # A newer one, with a unit quaternion and finite numbers: NaN or inf would make the sum NaN.
-            if edge.newest < stamp:
-                if -tree.ROUNDING < i * i + j * j + k * k + w * w - 1.0 + (x + y + z) * 0.0 < tree.ROUNDING:
-                    edge.insert(stamp, edge.parent, floats, self._cache)
-                    edge.authority = authority
-                    return None
-            # What is sent again.
-            elif edge.samples[-1] == (stamp, parent, floats):
-                self.duplicates += 1
+        if edge is not None and edge.parent == parent:
+            taken = edge.take(stamp, floats, authority, self._cache)
+            if taken >= 0:
+                self.duplicates += not taken
                 return None
         return self._put(child, parent, stamp, floats, authority)
 
@@ -311,11 +334,10 @@ class Buffer:
             other = self._edges[parent].authority if parent in self._edges else authority
             return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
         if edge is None or not edge.parent or static:
-            edge = self._edges[child] = TimeCache(static)
+            edge = self._edges[child] = Edge(self._names, child, static)
         if edge.parent != parent or static:
             self._forget_paths()
-        edge.insert(stamp, parent, floats, self._cache)
-        edge.authority = authority
+        edge.insert(stamp, parent, floats, authority, self._cache)
         self._frames.update((child, parent))
         return None
 
@@ -325,7 +347,7 @@ class Buffer:
         if path is not None:
             return path.newest
         if target != source:
-            return FramePath(*self._find_edges(target, source)).newest
+            return tree.make_path(*self._find_edges(target, source)).newest
         edge = self._edges.get(target)
         return edge.newest if edge is not None else 0
 
@@ -340,19 +362,18 @@ class Buffer:
             if name not in self._frames:
                 raise errors.LookupException(f"{argument}: there is no frame {name!r}")
 
-    def _solve(self, target: str, source: str, time: int) -> tree.Answer:
-        """target_from_source at `time` (0 = the newest that all moving edges have); raises tf2's exceptions."""
+    def _solve(self, target: str, source: str, time: int) -> tuple[int, Answer]:
+        """The time and target_from_source then (0 = the newest that all moving edges have); raises tf2's exceptions."""
         path = self._paths.get((target, source)) or self._prepare(target, source, time)
-        answer = path.solve(time or path.newest) if path is not None else None
-        if answer is not None:
-            return answer
+        if path is not None and (answer := path.solve(at := time or path.newest)) is not None:
+            return at, answer
         time = time or self._latest(target, source)
         if target == source:
-            return (time, *rigid.IDENTITY)
+            return time, (*rigid.IDENTITY, 0.0)
         # The parents at that time may differ from the newest ones. Where an edge has no data, this raises.
-        answer = FramePath(*self._find_edges(target, source, time)).solve(time)
+        answer = tree.make_path(*self._find_edges(target, source, time)).solve(time)
         assert answer is not None
-        return answer
+        return time, answer
 
     def _prepare(self, target: str, source: str, time: int = 0) -> FramePath | None:
         """The path by the newest parents; None if it does not hold at every time, or if there is one at times only."""
@@ -365,13 +386,13 @@ class Buffer:
             if not time:
                 raise
             return None
-        if any(parent != edge.parent for edge in (*up, *down) for _, parent, _ in edge.samples):
+        if not all(edge.has_one_parent for edge in (*up, *down)):
             # At other times the path was another one.
             return None
-        path = self._paths[target, source] = FramePath(up, down)
+        path = self._paths[target, source] = tree.make_path(up, down)
         return path
 
-    def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:
+    def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[Edge], list[Edge]]:
         """The edges up to the common ancestor, by the newest parents or those at `time`. Raises tf2's exceptions."""
         failures: list[errors.ExtrapolationException] = []
 
@@ -379,10 +400,10 @@ class Buffer:
             edge = self._edges.get(frame)
             if edge is None or time is None or edge.static:
                 return edge.parent if edge is not None else ""
-            if failure := tree.extrapolation(edge.samples, time, f"between {target!r} and {source!r}"):
+            if failure := tree.extrapolation(edge, time, f"between {target!r} and {source!r}"):
                 failures.append(failure)
                 return ""
-            return edge.samples[edge.before(time)][1]
+            return edge[edge.before(time)].parent
 
         def climb(frame: str, ends: Container[str]) -> list[str]:
             found = [frame]

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Point2, Quat, normalize_angle
+from zteam.kernels.transforms import Floats
 from zteam.messages import Header, LaserScan, ns_from_time
 from zteam.messages.laser import read_ranges
 from zteam.transforms.buffer import Buffer
 from zteam.transforms.errors import TransformException
-from zteam.transforms.rigid import IDENTITY, Floats, floats_of
+from zteam.transforms.rigid import IDENTITY, floats_of
 
 MAX_TILT = math.radians(10.0)
 """Radians between the plane of a laser's beams and the base's, at most: a beam then rises or falls by 17 cm a metre."""

@@ -15,8 +15,9 @@ from xml.parsers import expat
 from zteam.config.resources import read_file
 from zteam.errors import ConfigError, did_you_mean
 from zteam.geometry import quaternion_from_rpy
+from zteam.kernels.transforms import Floats, compose
 from zteam.messages import JointState, Time, TransformStamped
-from zteam.transforms.rigid import Floats, compose, stamped_transform
+from zteam.transforms.rigid import stamped_transform
 
 MAX_BYTES = 8 * 2**20
 _MOVING = ("revolute", "continuous", "prismatic")

@@ -8,9 +8,9 @@ import pytest
 from support.transforms import S, stamped
 from zteam import messages, tf
 from zteam.geometry import quaternion_from_rpy, quaternion_from_yaw
+from zteam.kernels.transforms import Floats, compose
 from zteam.messages import Header, LaserScan, Point, Pose, PoseStamped, Quaternion, Vector3, time_from_ns
 from zteam.tf import Buffer
-from zteam.transforms.rigid import Floats, compose
 
 TILTED: Floats = (1.0, 2.0, 3.0, *quaternion_from_rpy(0.3, -0.8, 2.0))
 

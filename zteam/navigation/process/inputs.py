@@ -116,11 +116,12 @@ class Inputs:
     def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
         """The other ones of these robots whose place in `map` is known and not old."""
         found, others = [], sorted({*robots} - {self.robot_id})
-        frames = [names.robot_frame(robot_id, names.BASE_FOOTPRINT) for robot_id in others]
-        for robot_id, place in zip(others, self._transforms.find_poses2(names.MAP_FRAME, frames), strict=True):
-            if place is not None and now - place[1] <= OLD:
+        frames = tuple(names.robot_frame(robot_id, names.BASE_FOOTPRINT) for robot_id in others)
+        poses, stamps = self._transforms.find_poses2(names.MAP_FRAME, frames)
+        for row, robot_id in enumerate(others):
+            if now - stamps[row] <= OLD:
                 radius = self._bases.get(robot_id, DEFAULT_BASE).radius
-                found.append(Teammate(place[0].x, place[0].y, radius))
+                found.append(Teammate(poses[4 * row], poses[4 * row + 1], radius))
         return found
 
     def is_held(self, now: int) -> str:

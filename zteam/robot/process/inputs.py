@@ -63,8 +63,8 @@ class TransformInputs:
     def find_poses(self, rows: Mapping[int, int]) -> TeamPoses:
         """The newest poses of these robots in `map`: the same object until something comes."""
         if self._team is None or self._team.rows != rows:
-            frames = [names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows]
-            self._team = TeamPoses.of(rows, self.buffer.find_poses2(names.MAP_FRAME, frames))
+            frames = tuple(names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows)
+            self._team = TeamPoses(rows, *self.buffer.find_poses2(names.MAP_FRAME, frames))
         return self._team
 
     def find_pose(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int] | None:

@@ -1,0 +1,216 @@
+"""Rigid transforms, edges of a tree of frames over time and the bytes of `tf` (transforms.c). As `binding.py` says.
+
+A transform is seven numbers: x, y, z in metres and a unit quaternion x, y, z, w. Times are in ns.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from struct import Struct
+from typing import Any, NamedTuple
+
+from zteam.kernels.binding import ffi, lib
+
+Floats = tuple[float, float, float, float, float, float, float]
+"""x, y, z, qx, qy, qz, qw of parent_from_child."""
+Answer = tuple[float, float, float, float, float, float, float, float]
+"""The same of target_from_source, and its yaw (rad)."""
+_read_seven, _read_eight = Struct("7d").unpack, Struct("8d").unpack_from
+NOT_KNOWN = -(2**63)
+"""The stamp of a pose that is not known, whose numbers are NaN."""
+_LEAST_SIZE = 72
+"""Bytes of a TransformStamped without names."""
+ROUNDING = 1e-15
+"""A quaternion whose squared length differs from 1 by less than this is not scaled: that is the rounding of doubles."""
+
+
+def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
+    """a_from_c."""
+    made = ffi.new("double[7]")
+    lib.compose(a_from_b, b_from_c, made)
+    return _read_seven(ffi.buffer(made))
+
+
+def invert(a_from_b: Floats) -> Floats:
+    """b_from_a."""
+    made = ffi.new("double[7]")
+    lib.invert(a_from_b, made)
+    return _read_seven(ffi.buffer(made))
+
+
+def gather_poses(found: Sequence[tuple[Sequence[float], int] | None]) -> tuple[Any, Any]:
+    """Planar poses (x, y, yaw; m, rad) with their stamps as `Paths.solve` gives them; None is one that is not known."""
+    known = [(*each[0], each[1]) if each else (math.nan, math.nan, math.nan, NOT_KNOWN) for each in found]
+    poses = ffi.new("double[]", [number for each in known for number in each])
+    return poses, ffi.new("int64_t[]", [stamp for *_, stamp in known])
+
+
+class Names:
+    """Names of frames and of senders, each with one place in memory."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, Any] = {}
+        self._texts: list[Any] = []
+
+    def of(self, name: str) -> Any:
+        """The name for C; it lives as long as this object."""
+        place = self._places.get(name)
+        if place is None:
+            data = name.encode()
+            self._texts.append(ffi.new("uint8_t[]", data))
+            place = self._places[name] = ffi.new("tf_name *", (self._texts[-1], len(data)))
+        return place
+
+
+class Sample(NamedTuple):
+    stamp: int
+    parent: str
+    pose: Floats
+    """parent_from_child."""
+
+
+class Edge:
+    """The edge from one child frame to its parent: its samples by ascending stamps, or its static transform."""
+
+    def __init__(self, names: Names, child: str, static: bool = False) -> None:
+        self._names, self.static = names, static
+        self.parent = ""
+        """Of the newest sample."""
+        self.edge = ffi.gc(ffi.new("tf_edge *"), lib.free_samples)
+        """For C."""
+        self.edge.child, self.edge.is_static = names.of(child), static
+
+    def __len__(self) -> int:
+        return int(self.edge.count)
+
+    def __getitem__(self, at: int) -> Sample:
+        """A sample by its place in time; -1 is the newest one. Raises IndexError."""
+        row, place = self.edge, at + len(self) if at < 0 else at
+        if not 0 <= place < row.count:
+            raise IndexError(at)
+        found = row.samples[row.first + place]
+        return Sample(found.stamp, _text(found.parent), _read_seven(ffi.buffer(found.pose)))
+
+    @property
+    def authority(self) -> str:
+        """Who sent the sample that came last."""
+        return _text(self.edge.authority)
+
+    @property
+    def newest(self) -> int:
+        """The stamp of the newest sample; 0 without one."""
+        row = self.edge
+        return row.samples[row.first + row.count - 1].stamp if row.count else 0
+
+    @property
+    def has_one_parent(self) -> bool:
+        """Whether all samples have the same parent."""
+        return bool(lib.has_one_parent(self.edge))
+
+    def before(self, time: int) -> int:
+        """The place of the newest sample that is not newer than `time`; -1 without one."""
+        return int(lib.count_before(self.edge, time + 1)) - 1
+
+    def find(self, stamp: int) -> Sample | None:
+        """The sample with exactly this stamp."""
+        at = self.before(stamp)
+        found = self[at] if at >= 0 else None
+        return found if found is not None and found.stamp == stamp else None
+
+    def insert(self, stamp: int, parent: str, pose: Floats, authority: str, cache: int) -> None:
+        """Insert a sample whose stamp is new, and forget those that are `cache` ns older than the newest one."""
+        if not lib.add_sample(self.edge, stamp, self._names.of(parent), pose, cache):
+            raise MemoryError
+        self.edge.authority = self._names.of(authority)
+        self.parent = self[-1].parent
+
+    def take(self, stamp: int, pose: Floats, authority: str, cache: int) -> int:
+        """Insert a usual sample that has the parent of the newest one: newer than that, of finite numbers and a unit
+        quaternion. 1, or 0 if it is the newest one again, or -1 for any other, which is not stored."""
+        return int(lib.take_sample(self.edge, stamp, pose, self._names.of(authority), cache))
+
+
+def _text(name: Any) -> str:
+    return bytes(ffi.buffer(name.text, name.size)).decode() if name else ""
+
+
+class FramePath:
+    """The path from a source to a target; it holds while its edges keep their parents."""
+
+    def __init__(self, first: Floats, steps: Sequence[tuple[Edge, bool, Floats]]) -> None:
+        """The static transform before the first moving edge; each such edge, whether the path leads down it, and the
+        static transform after it."""
+        self._edges = [edge for edge, *_ in steps]
+        self._steps = ffi.new("tf_step[]", [(edge.edge, is_down, after) for edge, is_down, after in steps])
+        self.path = ffi.new("tf_path *", (first, self._steps, len(steps)))
+        """For C."""
+
+    @property
+    def newest(self) -> int:
+        """The newest time that all moving edges have; 0 if none moves. Stamps of 0 do not count, as in tf2."""
+        return int(lib.newest_time(self.path))
+
+    def solve(self, time: int) -> Answer | None:
+        """target_from_source at `time`; None if a moving edge has no data for it."""
+        found = ffi.new("double[8]")
+        return _read_eight(ffi.buffer(found)) if lib.solve_path(self.path, time, found) else None
+
+
+class Paths:
+    """Paths whose newest poses are found together."""
+
+    def __init__(self, paths: Iterable[FramePath]) -> None:
+        self._paths = list(paths)
+        self._array = ffi.new("tf_path *[]", [path.path for path in self._paths])
+
+    def solve(self) -> tuple[Any, Any, int]:
+        """(paths, 4) doubles for C, x, y (m), yaw (rad), stamp (ns); the stamps; how many poses are not known."""
+        count = len(self._paths)
+        poses, stamps = ffi.new("double[]", 4 * count), ffi.new("int64_t[]", count)
+        return poses, stamps, lib.solve_newest(self._array, count, poses, stamps)
+
+
+class Edges:
+    """Edges that take the transforms of a message together."""
+
+    def __init__(self, edges: Iterable[Edge]) -> None:
+        self._edges = list(edges)
+        self._array = ffi.new("tf_edge *[]", [edge.edge for edge in self._edges])
+        self._repeated = ffi.new("int64_t *")
+
+    def take(self, rows: "Rows", start: int, authority: Any, latest: int, cache: int) -> tuple[int, int]:
+        """`Edge.take` each of `rows` from `start` on until one is not usual, or is later than `latest`: which one, and
+        how many came again."""
+        self._repeated[0] = 0
+        at = lib.take_transforms(
+            self._array, len(self._edges), rows.payload, rows.rows, start, len(rows), authority, latest, cache,
+            self._repeated,
+        )  # fmt: skip
+        return at, self._repeated[0]
+
+
+class Rows:
+    """The transforms of a message, as they stand in its bytes."""
+
+    def __init__(self, payload: Any, rows: Any) -> None:
+        self.payload, self.rows = payload, rows
+        """The bytes that `rows` point into; both are for C."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, at: int) -> tuple[int, int, str, str, Floats]:
+        """Seconds and nanoseconds of the stamp, parent, child, parent_from_child."""
+        row = self.rows[at]
+        parent = self.payload[row.parent : row.parent + row.parent_size].decode()
+        child = self.payload[row.child : row.child + row.child_size].decode()
+        return row.sec, row.nanosec, parent, child, _read_seven(ffi.buffer(row.pose))
+
+
+def read_transforms(payload: bytes, at: int, end: int, count: int) -> tuple[Rows, int] | None:
+    """Read `count` TransformStamped in little-endian CDR, whose first is to begin at `at`, and where they end; None if
+    one is not such a transform, has a name that is not ASCII, or a number that is not finite."""
+    if count * _LEAST_SIZE > end - at:
+        return None
+    rows = ffi.new("tf_row[]", count)
+    end = lib.read_transforms(payload, at, end, count, rows)
+    return None if end < 0 else (Rows(payload, rows), end)
