@@ -44,20 +44,20 @@ class Teammate(NamedTuple):
         return Pose2(0.0, 0.0, heading).locate(self.pose.x, self.pose.y)
 
 
-class TeamPoses(NamedTuple):
-    """Where some robots are in `map` at one time."""
+class TeamPoses(dict[int, tuple[Pose2, int] | None]):
+    """Where some robots are in `map` at one time: by id the pose and its stamp (ns; 0: nothing on the way to it ever
+    moves); None where it is not known. Each is made when it is looked at; KeyError for any other robot."""
 
-    rows: Mapping[int, int]
-    """The row of each robot, by its id."""
-    poses: Any
-    """(rows, 4) doubles for C: x, y (m), yaw (rad), stamp (ns); NaN where the pose is not known."""
-    stamps: Sequence[int]
-    """By row (ns; 0: nothing on the way to it ever moves; NOT_KNOWN)."""
+    def __init__(self, rows: Mapping[int, int], poses: Any, stamps: Sequence[int]) -> None:
+        """`rows` has the row of each robot, by its id; the others are as of `Buffer.find_poses2`."""
+        self.rows, self.poses, self._stamps = rows, poses, stamps
 
-    def at(self, row: int) -> tuple[Pose2, int] | None:
-        """The pose of a row and its stamp, or None."""
-        stamp = self.stamps[row]
-        return None if stamp == NOT_KNOWN else (Pose2(*self.poses[4 * row : 4 * row + 3]), stamp)
+    def __missing__(self, robot_id: int) -> tuple[Pose2, int] | None:
+        row = self.rows[robot_id]
+        stamp = self._stamps[row]
+        found = None if stamp == NOT_KNOWN else (Pose2(*self.poses[4 * row : 4 * row + 3]), stamp)
+        self[robot_id] = found
+        return found
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -126,10 +126,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     def map_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """A robot's pose in `map` and its stamp, or None."""
         poses = self.poses
-        row = poses.rows.get(robot_id)
-        if row is None:
-            return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        return poses.at(row)
+        if robot_id in poses.rows:
+            return poses[robot_id]
+        return self.lookup(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""
@@ -137,10 +136,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         row = poses.rows.get(robot_id)
         if row is None:
             return self.lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
-        stamp = poses.stamps[row]
-        if NOT_KNOWN in (stamp, poses.stamps[poses.rows[self.robot_id]]):
+        found = poses[robot_id]
+        if found is None or poses[self.robot_id] is None:
             return None
-        return Pose2(*self._seen[3 * row : 3 * row + 3]), stamp
+        return Pose2(*self._seen[3 * row : 3 * row + 3]), found[1]
 
     def random(self, draw: int = 0) -> float:
         """A number in [0, 1): the same for the same seed, robot, time and `draw`, whatever else was drawn."""

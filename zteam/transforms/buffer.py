@@ -6,7 +6,7 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 
 import logging
 import threading
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -63,21 +63,17 @@ class Buffer:
         refused = self.set_transforms((transform,), authority)
         return refused[0] if refused else None
 
-    def set_transforms(self, transforms: Sequence[TransformStamped], authority: str, now: int = 0) -> list[Rejection]:
+    def set_transforms(self, transforms: Iterable[TransformStamped], authority: str, now: int = 0) -> list[Rejection]:
         """Store a sample of each of these moving edges; why some were refused.
 
         Where the time `now` (ns) is known, a sample that is further ahead of it than the buffer remembers is refused:
         with it, all later ones would be too old.
         """
-        found, at, latest = list[Rejection](), 0, now + self._cache if now else _FOREVER
+        found, latest = list[Rejection](), now + self._cache if now else _FOREVER
         with self.lock:
-            while at < len(transforms):
-                if isinstance(transforms, TransformRows):
-                    at, repeated = self._take(transforms, at, authority, latest)
-                    self.duplicates += repeated
-                    if at == len(transforms):
-                        break
-                transform, at = transforms[at], at + 1
+            if isinstance(transforms, TransformRows):
+                transforms = self._take(transforms, authority, latest)
+            for transform in transforms:
                 time = messages.ns_from_time(transform.header.stamp)
                 if time > latest:
                     text = f"{transform.child_frame_id} is {(time - now) / 1e9:.1f} s ahead of the time"
@@ -289,12 +285,19 @@ class Buffer:
         self._moving = None
         self.version += 1
 
-    def _take(self, rows: TransformRows, start: int, authority: str, latest: int) -> tuple[int, int]:
-        """Store usual samples of the bytes of a message from one on: the number of the first one that is not, or is
-        later than `latest`, and how many came again."""
-        if self._moving is None:
-            self._moving = Edges(edge for edge in self._edges.values() if not edge.static)
-        return self._moving.take(rows.rows, start, self._names.of(authority), latest, self._cache)
+    def _take(self, transforms: TransformRows, authority: str, latest: int) -> Iterator[TransformStamped]:
+        """Store the usual samples of a message that is not decoded, in turn with the caller, who gets the others and
+        those that are later than `latest`."""
+        at, name = 0, self._names.of(authority)
+        while True:
+            if self._moving is None:
+                self._moving = Edges(edge for edge in self._edges.values() if not edge.static)
+            at, repeated = self._moving.take(transforms.rows, at, name, latest, self._cache)
+            self.duplicates += repeated
+            if at == len(transforms):
+                return
+            yield transforms[at]
+            at += 1
 
     def _add(self, transform: TransformStamped, stamp: int, authority: str) -> Rejection | None:
         """`_put` a moving sample, in short where it is a usual one."""
