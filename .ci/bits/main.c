@@ -307,6 +307,53 @@ static void form(void)
     tell("formations");
 }
 
+/* A rigid transform of small drawn numbers. */
+static void draw_pose(double *pose)
+{
+    double square = 0.0;
+    for (int i = 0; i < 7; i++)
+        pose[i] = drawn(-1.0, 1.0);
+    for (int i = 3; i < 7; i++)
+        square += pose[i] * pose[i];
+    for (int i = 3; i < 7; i++)
+        pose[i] /= sqrt(square);
+}
+
+/* Frames hang under one another, move, and are looked up between their samples. */
+static void look_up(void)
+{
+    enum { FRAMES = 6, SAMPLES = 400 };
+    static const tf_name map = {(const uint8_t *)"map", 3}, team = {(const uint8_t *)"tf", 2};
+    static tf_edge edges[FRAMES];
+    tf_step steps[FRAMES];
+    tf_path path = {.steps = steps, .count = FRAMES};
+    const tf_path *const paths[] = {&path};
+    double pose[8], found[4];
+    int64_t stamp;
+    draw_pose(path.first);
+    for (int i = 0; i < FRAMES; i++) {
+        steps[i].edge = &edges[i], steps[i].is_down = i % 2;
+        draw_pose(steps[i].after);
+        draw_pose(pose);
+        add_sample(&edges[i], 1, &map, pose, 100);
+    }
+    for (int64_t time = 2; time < SAMPLES; time++) {
+        for (int i = 0; i < FRAMES; i++) {
+            draw_pose(pose);
+            if (time % (i + 1) == 0 && take_sample(&edges[i], time, pose, &team, 100) < 0)
+                add_sample(&edges[i], time, &map, pose, 100);
+        }
+        stamp = time - (int64_t)drawn(0.0, 20.0);
+        if (solve_path(&path, stamp, pose))
+            add(pose, sizeof pose);
+        solve_newest(paths, 1, found, &stamp);
+        add(found, sizeof found), add(&stamp, sizeof stamp);
+    }
+    for (int i = 0; i < FRAMES; i++)
+        free_samples(&edges[i]);
+    tell("transforms");
+}
+
 int main(void)
 {
     fill_map();
@@ -319,5 +366,6 @@ int main(void)
     escape();
     draw_trail();
     form();
+    look_up();
     return 0;
 }
