@@ -333,7 +333,7 @@ int follow_trail(trail *t, const double *own, double place, double back, double 
 void find_trail_pose(trail *t, double place, double lateral, double *pose);
 double trail_curvature(trail *t, double place);
 
-/* A frame's name in UTF-8, or that of who sends. Equal names of a buffer have one place. */
+/* The name of a frame or of a sender in UTF-8. Equal names of a buffer have one place. */
 typedef struct {
     const uint8_t *text;
     int64_t size;
@@ -350,7 +350,7 @@ typedef struct {
 typedef struct {
     tf_sample *samples;         /* (room), allocated here; by ascending stamps from `first` on */
     int64_t room, first, count;
-    const tf_name *child, *authority; /* who sent the sample that came last */
+    const tf_name *child, *authority; /* the sender of the sample that came last */
     int64_t is_static;
 } tf_edge;
 

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import msgspec
 
 from zteam import names
-from zteam.kernels import transforms as kernels
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
 from zteam.messages.std_msgs import Header, Stamped, Time, ns_from_time
+
+
+if TYPE_CHECKING:
+    from zteam.kernels.transforms import Rows
 
 
 class Vector3(Message):
@@ -137,15 +140,20 @@ class TransformStamped(Stamped):
     @staticmethod
     def read_rows(payload: bytes, at: int, end: int, count: int) -> "tuple[TransformRows, int] | None":
         """What the codec reads many with, in its form: they, and where they end; None if one is not usual."""
-        # A single one is looked at anyway.
-        read = kernels.read_transforms(payload, at, end, count) if count > 1 else None
+        if count < 2:
+            # A single one is looked at anyway.
+            return None
+        # Imported here: a process that reads no bundles needs no kernels.
+        from zteam.kernels.transforms import read_transforms
+
+        read = read_transforms(payload, at, end, count)
         return None if read is None else (TransformRows(read[0]), read[1])
 
 
 class TransformRows(Sequence[TransformStamped]):
     """The transforms of a message as its bytes hold them. Each is made when it is looked at."""
 
-    def __init__(self, rows: kernels.Rows) -> None:
+    def __init__(self, rows: "Rows") -> None:
         self.rows = rows
         """For kernels."""
 

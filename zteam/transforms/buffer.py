@@ -286,8 +286,8 @@ class Buffer:
         self.version += 1
 
     def _take(self, transforms: TransformRows, authority: str, latest: int) -> Iterator[TransformStamped]:
-        """Store the usual samples of a message that is not decoded, in turn with the caller, who gets the others and
-        those that are later than `latest`."""
+        """Store the usual samples of a message that is not decoded. Yield, in their turn, the others and those that are
+        later than `latest`."""
         at, name = 0, self._names.of(authority)
         while True:
             if self._moving is None:

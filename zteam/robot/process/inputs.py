@@ -45,6 +45,9 @@ class TransformInputs:
         """The answers of `find_pose`, of the newest messages: these put another dictionary in its place."""
         self._team: TeamPoses | None = None
         """Those of the newest messages."""
+        self._rows: Mapping[int, int] = {}
+        """Of the robots that were asked for last, as their `_frames`."""
+        self._frames: tuple[str, ...] = ()
 
     def on_bundle(self, bundle: TFMessage, now: int = 0) -> None:
         """A message of `tf` has come at time `now` (ns), 0 = not known."""
@@ -62,9 +65,11 @@ class TransformInputs:
 
     def find_poses(self, rows: Mapping[int, int]) -> TeamPoses:
         """The newest poses of these robots in `map`: the same object until something comes."""
-        if self._team is None or self._team.rows != rows:
-            frames = tuple(names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows)
-            self._team = TeamPoses(rows, *self.buffer.find_poses2(names.MAP_FRAME, frames))
+        if self._rows != rows:
+            self._frames = tuple(names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows)
+            self._rows, self._team = rows, None
+        if self._team is None:
+            self._team = TeamPoses(rows, *self.buffer.find_poses2(names.MAP_FRAME, self._frames))
         return self._team
 
     def find_pose(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int] | None:
