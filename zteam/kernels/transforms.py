@@ -92,7 +92,7 @@ class Edge:
 
     @property
     def authority(self) -> str:
-        """Who sent the sample that came last."""
+        """The sender of the sample that came last."""
         return _text(self.edge.authority)
 
     @property

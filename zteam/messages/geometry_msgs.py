@@ -10,7 +10,6 @@ from zteam import names
 from zteam.messages.message import Covariance, Message, float32, float64, zeros
 from zteam.messages.std_msgs import Header, Stamped, Time, ns_from_time
 
-
 if TYPE_CHECKING:
     from zteam.kernels.transforms import Rows
 
