@@ -37,7 +37,7 @@ def share_for_room(
     rows = [(x, y, math.cos(yaw), math.sin(yaw)) for x, y, yaw in places]
     offs = kernels.find_sides(beams.axes, beams.distances, others, BODY, bound, rows, (BEHIND, ahead, side))
     needed = [1.0 - (off - beside) / reach for reach, off in zip((left, right), offs, strict=True) if reach > 0.0]
-    return min(max(0.0, *needed), 1.0)
+    return min(max([0.0, *needed]), 1.0)
 
 
 NARROW, ACROSS, OPPOSITE, FACING = 1.5, math.radians(110.0), math.radians(120.0), math.radians(150.0)

@@ -107,10 +107,11 @@ def test_it_closes_faster_than_it_opens() -> None:
 
 
 def test_a_corridor_takes_its_share() -> None:
-    """Wide enough: none. Narrower: as much as the walls take. Narrower than one robot: all of it."""
+    """Wide enough: none. Narrower: as much as the walls take. Narrower than one robot: all of it. A column needs none."""
     assert share(corridor(4.0)) == 0.0
     assert share(corridor(1.55)) == pytest.approx(0.5, abs=0.01)
     assert share(corridor(0.4)) == 1.0
+    assert share(corridor(0.4), reach=0.0) == 0.0
 
 
 def test_walls_behind_and_far_ahead_do_not_count() -> None:
