@@ -385,8 +385,11 @@ static void keep(safety_memory *m, int64_t *kept, int64_t i)
 /* The base is where odometry says. */
 static void move(safety_memory *m, const double *odom, double reach)
 {
-    if (odom && !is_finite(odom[0] + odom[1] + odom[2]))
-        return;
+    if (odom && !is_finite(odom[0] + odom[1] + odom[2])) {
+        if (m->has_pose)
+            return;
+        odom = NULL;
+    }
     point by = {odom ? odom[0] - m->pose[0] : 0.0, odom ? odom[1] - m->pose[1] : 0.0};
     double way = sqrt(by.x * by.x + by.y * by.y);
     if (!m->has_pose || !odom || way > reach) {
@@ -662,12 +665,12 @@ int64_t limit(safety_memory *m, const safety_inputs *in, const double *wanted)
 {
     const base_limits *b = m->base;
     velocity asked, motion, last = {m->motion[0], m->motion[1], m->motion[2]};
-    double seconds = in->dt > 0.0 ? larger(in->dt, SHORTEST) : FIRST_TICK, fastest = larger(b->high, -b->low);
+    double seconds = in->dt > 0.0 ? larger(in->dt, SHORTEST) : FIRST_TICK;
     int64_t cause = FREE;
     int is_number = motion_of(b, wanted, &asked.x);
     m->reaction = in->dt > 0.0 ? seconds : FIRST;
     if (!in->is_old) {
-        fastest = larger(fastest, b->aside);
+        double fastest = larger(larger(b->high, -b->low), b->aside);
         double reach = fastest * (m->reaction + 0.5 * fastest / b->least_braking) + b->radius + BEYOND;
         move(m, in->odom, reach);
         if (in->seen) {

@@ -45,6 +45,13 @@ def test_a_silent_way_is_no_free_way(value: float) -> None:
     assert drive(value, 5.0) == [(0.0, "blind ahead")] * 10
 
 
+def test_odometry_that_is_no_number_at_the_start_hides_no_silent_beam() -> None:
+    """As long as none has come that is one, nothing is known."""
+    view = make_view(scan_with(math.nan, 5.0, 0.0, TICK), odom=make_odometry(Pose2(math.nan, 0.0, 0.0)))
+    command, why = SafetyLayer().limit(Twist(Vector3(0.4)), view)
+    assert (command.linear.x, why) == (0.0, "blind ahead")
+
+
 @pytest.mark.parametrize("value", [math.inf, 30.0, 20.0])
 def test_no_hit_is_a_free_way(value: float) -> None:
     """Beams that met nothing are free space."""
