@@ -13,8 +13,6 @@ MAX_CELLS = 180
 """Largest inflation radius in cells: the sum of two squares of it fits into 16 bits."""
 _WIDEST = 10_000
 """Cells from a robot's base to its corners."""
-_FARTHEST = 1 << 58
-"""Cells from the grid at which a beam may end: twice a beam's length fits into 64 bits."""
 
 
 def _grid(name: str, array: NDArray[Any], out: bool = False) -> tuple[Any, int, int]:
