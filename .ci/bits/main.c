@@ -273,6 +273,12 @@ static void draw_trail(void)
         const double near_x = drawn(-5.0, 5.0), near_y = drawn(-5.0, 5.0);
         find_nearest(&path, near_x, near_y, place - 3.0, place, found);
         add(found, 2 * sizeof *found);
+        const double here[4] = {near_x, near_y, cosine, sine}, limits[3] = {0.7, 2.0, 0.5};
+        pursue(&path, here, place, 0.3, 0.5, limits, found);
+        add(found, 2 * sizeof *found);
+        const int64_t now = 100000000LL * i;
+        const int64_t comes_past = follow_trail(&led, pose, place, 0.8, near_x, near_y, 2.0, now, now - 70000000, now, found);
+        add(&comes_past, sizeof comes_past), add(found, sizeof found);
     }
     free_points(&path);
     tell("trail");
@@ -352,6 +358,34 @@ static void look_up(void)
     for (int i = 0; i < FRAMES; i++)
         free_samples(&edges[i]);
     tell("transforms");
+/* A laser marks a grid among teammates, footprints are filled, and ways are moved aside. */
+static void mark(void)
+{
+    enum { ENDS = 60, WAY = 9, SIDES = 7 };
+    static uint8_t costs[ROWS * COLUMNS], met[ENDS];
+    static int64_t cells[4 * ENDS], before[SIDES * WAY];
+    const double limits[3] = {4.0, 3.0, 0.02}, outline[4][2] = {{0.3, 0.2}, {-0.3, 0.2}, {-0.3, -0.2}, {0.3, -0.2}};
+    const grid_frame f = {-7.0, -5.0, 0.995, 0.0998, 0.05};
+    double points[ENDS][2], best[SIDES * WAY], corners_in_cells[8];
+    for (int round = 0; round < 100; round++) {
+        const double at_x = drawn(-6.0, 6.0), at_y = drawn(-4.0, 4.0), pose[3] = {at_x, at_y, drawn(-3.0, 3.0)};
+        const double mates[3] = {pose[0] + 1.0, pose[1], drawn(0.1, 0.5)};
+        int64_t box[4], way[WAY][2], moved[WAY][2];
+        for (int i = 0; i < ENDS; i++) {
+            points[i][0] = pose[0] + drawn(-5.0, 5.0), points[i][1] = pose[1] + drawn(-5.0, 5.0);
+            met[i] = drawn(0.0, 1.0) < 0.7;
+        }
+        observe(costs, ROWS, COLUMNS, &f, pose, points[0], met, ENDS, mates, 1, limits, cells, box);
+        add(box, sizeof box);
+        fill_outline(costs, ROWS, COLUMNS, &f, outline[0], 4, pose, 0, corners_in_cells, box);
+        fill_disc(costs, ROWS, COLUMNS, drawn(0.0, COLUMNS), 0.5 * ROWS, 3.3, 100);
+        for (int i = 0; i < WAY; i++)
+            way[i][0] = 20 * i + (int64_t)drawn(0.0, 15.0), way[i][1] = (int64_t)drawn(10.0, ROWS - 10);
+        shift_points(costs, ROWS, COLUMNS, way[0], WAY, 4.0, best, before, moved[0]);
+        add(best, sizeof best), add(moved, sizeof moved);
+    }
+    add(costs, sizeof costs);
+    tell("grids");
 }
 
 int main(void)
@@ -367,5 +401,6 @@ int main(void)
     draw_trail();
     form();
     look_up();
+    mark();
     return 0;
 }
