@@ -358,6 +358,8 @@ static void look_up(void)
     for (int i = 0; i < FRAMES; i++)
         free_samples(&edges[i]);
     tell("transforms");
+}
+
 /* A laser marks a grid among teammates, footprints are filled, and ways are moved aside. */
 static void mark(void)
 {
