@@ -14,7 +14,8 @@ Floats = tuple[float, float, float, float, float, float, float]
 """x, y, z, qx, qy, qz, qw of parent_from_child."""
 Answer = tuple[float, float, float, float, float, float, float, float]
 """The same of target_from_source, and its yaw (rad)."""
-_read_seven, _read_eight = Struct("7d").unpack, Struct("8d").unpack_from
+_read_seven, _read_eight, _read_row = Struct("7d").unpack, Struct("8d").unpack_from, Struct("7q7d").unpack_from
+_ROW_SIZE = ffi.sizeof("tf_row")
 NOT_KNOWN = -(2**63)
 """The stamp of a pose that is not known, whose numbers are NaN."""
 _LEAST_SIZE = 72
@@ -123,10 +124,11 @@ class Edge:
         self.edge.authority = self._names.of(authority)
         self.parent = self[-1].parent
 
-    def take(self, stamp: int, pose: Floats, authority: str, cache: int) -> int:
-        """Insert a usual sample that has the parent of the newest one: newer than that, of finite numbers and a unit
-        quaternion. 1, or 0 if it is the newest one again, or -1 for any other, which is not stored."""
-        return int(lib.take_sample(self.edge, stamp, pose, self._names.of(authority), cache))
+
+take_sample = lib.take_sample
+"""`take_sample(edge.edge, stamp, pose, authority, cache)` inserts a usual sample: it has the parent of the newest one,
+is newer than that, has finite numbers and a unit quaternion: 1, or 0 if it is the newest one again, or -1 for any
+other, which is not stored. It is C's own function: a layer of Python would take as long as that."""
 
 
 def _text(name: Any) -> str:
@@ -178,7 +180,7 @@ class Edges:
         self._repeated = ffi.new("int64_t *")
 
     def take(self, rows: "Rows", start: int, authority: Any, latest: int, cache: int) -> tuple[int, int]:
-        """`Edge.take` each of `rows` from `start` on until one is not usual, or is later than `latest`: which one, and
+        """`take_sample` each of `rows` from `start` on until one is not usual or is later than `latest`: which one, and
         how many came again."""
         self._repeated[0] = 0
         at = lib.take_transforms(
@@ -191,19 +193,20 @@ class Edges:
 class Rows:
     """The transforms of a message, as they stand in its bytes."""
 
-    def __init__(self, payload: Any, rows: Any) -> None:
-        self.payload, self.rows = payload, rows
+    def __init__(self, payload: bytes, rows: Any) -> None:
+        self.payload, self.rows, self._data = payload, rows, ffi.buffer(rows)
         """The bytes that `rows` point into; both are for C."""
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, at: int) -> tuple[int, int, str, str, Floats]:
-        """Seconds and nanoseconds of the stamp, parent, child, parent_from_child."""
-        row = self.rows[at]
-        parent = self.payload[row.parent : row.parent + row.parent_size].decode()
-        child = self.payload[row.child : row.child + row.child_size].decode()
-        return row.sec, row.nanosec, parent, child, _read_seven(ffi.buffer(row.pose))
+    def __getitem__(self, at: int) -> tuple[int, int, str, str, float, float, float, float, float, float, float]:
+        """Seconds and nanoseconds of the stamp, parent, child, and parent_from_child."""
+        _, sec, nanosec, parent, parent_size, child, child_size, *pose = _read_row(self._data, _ROW_SIZE * at)
+        read = self.payload
+        return (
+            sec, nanosec, read[parent : parent + parent_size].decode(), read[child : child + child_size].decode(), *pose
+        )  # fmt: skip
 
 
 def read_transforms(payload: bytes, at: int, end: int, count: int) -> tuple[Rows, int] | None:

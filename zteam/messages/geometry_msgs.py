@@ -166,7 +166,10 @@ class TransformRows(Sequence[TransformStamped]):
     def __getitem__(self, at: int | slice) -> TransformStamped | list[TransformStamped]:
         if isinstance(at, slice):
             return [self[place] for place in range(*at.indices(len(self)))]
-        sec, nanosec, parent, child, (x, y, z, i, j, k, w) = self.rows[at if at >= 0 else at + len(self)]
+        place = at if at >= 0 else at + len(self)
+        if not 0 <= place < len(self):
+            raise IndexError(at)
+        sec, nanosec, parent, child, x, y, z, i, j, k, w = self.rows[place]
         return TransformStamped(
             Header(Time(sec, nanosec), parent), child, Transform(Vector3(x, y, z), Quaternion(i, j, k, w))
         )

@@ -14,9 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import messages
-from zteam.clock import WatchedCondition
+from zteam.clock import NS_PER_S, WatchedCondition
 from zteam.geometry import Pose2
-from zteam.kernels.transforms import Answer, Edge, Edges, Floats, FramePath, Names, Paths, compose, gather_poses
+from zteam.kernels.transforms import (
+    Answer,
+    Edge,
+    Edges,
+    Floats,
+    FramePath,
+    Names,
+    Paths,
+    compose,
+    gather_poses,
+    take_sample,
+)
 from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, TransformStamped, Vector3
 from zteam.messages.geometry_msgs import TransformRows
 from zteam.names import strip_slash
@@ -69,18 +80,26 @@ class Buffer:
         Where the time `now` (ns) is known, a sample that is further ahead of it than the buffer remembers is refused:
         with it, all later ones would be too old.
         """
-        found, latest = list[Rejection](), now + self._cache if now else _FOREVER
+        found: list[Rejection] = []
+        latest, name = now + self._cache if now else _FOREVER, self._names.of(authority)
         with self.lock:
-            if isinstance(transforms, TransformRows):
-                transforms = self._take(transforms, authority, latest)
+            if type(transforms) is TransformRows:
+                transforms = self._take(transforms, name, latest)
+            edges = self._edges.get
             for transform in transforms:
-                time = messages.ns_from_time(transform.header.stamp)
+                header, pose, child = transform.header, transform.transform, transform.child_frame_id
+                p, q, stamp, parent, edge = pose.translation, pose.rotation, header.stamp, header.frame_id, edges(child)
+                time, floats = stamp.sec * NS_PER_S + stamp.nanosec, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
                 if time > latest:
-                    text = f"{transform.child_frame_id} is {(time - now) / 1e9:.1f} s ahead of the time"
+                    text = f"{child} is {(time - now) / 1e9:.1f} s ahead of the time"
                     found.append(Rejection("TF_FUTURE_DATA", text))
                     continue
-                refused = self._add(transform, time, authority)
-                if refused is not None:
+                taken = -1
+                if edge is not None and edge.parent == parent:
+                    taken = take_sample(edge.edge, time, floats, name, self._cache)
+                if taken == 0:
+                    self.duplicates += 1
+                elif taken < 0 and (refused := self._put(child, parent, time, floats, authority)) is not None:
                     found.append(refused)
             self._changed.look()
         return found
@@ -285,30 +304,19 @@ class Buffer:
         self._moving = None
         self.version += 1
 
-    def _take(self, transforms: TransformRows, authority: str, latest: int) -> Iterator[TransformStamped]:
+    def _take(self, transforms: TransformRows, authority: Any, latest: int) -> Iterator[TransformStamped]:
         """Store the usual samples of a message that is not decoded. Yield, in their turn, the others and those that are
         later than `latest`."""
-        at, name = 0, self._names.of(authority)
+        at = 0
         while True:
             if self._moving is None:
                 self._moving = Edges(edge for edge in self._edges.values() if not edge.static)
-            at, repeated = self._moving.take(transforms.rows, at, name, latest, self._cache)
+            at, repeated = self._moving.take(transforms.rows, at, authority, latest, self._cache)
             self.duplicates += repeated
             if at == len(transforms):
                 return
             yield transforms[at]
             at += 1
-
-    def _add(self, transform: TransformStamped, stamp: int, authority: str) -> Rejection | None:
-        """`_put` a moving sample, in short where it is a usual one."""
-        child, parent, floats = transform.child_frame_id, transform.header.frame_id, floats_of(transform.transform)
-        edge = self._edges.get(child)
-        if edge is not None and edge.parent == parent:
-            taken = edge.take(stamp, floats, authority, self._cache)
-            if taken >= 0:
-                self.duplicates += not taken
-                return None
-        return self._put(child, parent, stamp, floats, authority)
 
     def _put(
         self, child: str, parent: str, stamp: int, floats: Floats, authority: str, *, static: bool = False
