@@ -45,20 +45,16 @@ def gather_poses(found: Sequence[tuple[Sequence[float], int] | None]) -> tuple[A
     return poses, ffi.new("int64_t[]", [stamp for *_, stamp in known])
 
 
-class Names:
-    """Names of frames and of senders, each with one place in memory."""
+class Names(dict[str, Any]):
+    """Names of frames and of senders for C: each has one place in memory as long as this object lives."""
 
     def __init__(self) -> None:
-        self._places: dict[str, Any] = {}
         self._texts: list[Any] = []
 
-    def of(self, name: str) -> Any:
-        """The name for C; it lives as long as this object."""
-        place = self._places.get(name)
-        if place is None:
-            data = name.encode()
-            self._texts.append(ffi.new("uint8_t[]", data))
-            place = self._places[name] = ffi.new("tf_name *", (self._texts[-1], len(data)))
+    def __missing__(self, name: str) -> Any:
+        data = name.encode()
+        self._texts.append(ffi.new("uint8_t[]", data))
+        place = self[name] = ffi.new("tf_name *", (self._texts[-1], len(data)))
         return place
 
 
@@ -78,7 +74,7 @@ class Edge:
         """Of the newest sample."""
         self.edge = ffi.gc(ffi.new("tf_edge *"), lib.free_samples)
         """For C."""
-        self.edge.child, self.edge.is_static = names.of(child), static
+        self.edge.child, self.edge.is_static = names[child], static
 
     def __len__(self) -> int:
         return int(self.edge.count)
@@ -119,9 +115,9 @@ class Edge:
 
     def insert(self, stamp: int, parent: str, pose: Floats, authority: str, cache: int) -> None:
         """Insert a sample whose stamp is new, and forget those that are `cache` ns older than the newest one."""
-        if not lib.add_sample(self.edge, stamp, self._names.of(parent), pose, cache):
+        if not lib.add_sample(self.edge, stamp, self._names[parent], pose, cache):
             raise MemoryError
-        self.edge.authority = self._names.of(authority)
+        self.edge.authority = self._names[authority]
         self.parent = self[-1].parent
 
 

@@ -81,7 +81,7 @@ class Buffer:
         with it, all later ones would be too old.
         """
         found: list[Rejection] = []
-        latest, name = now + self._cache if now else _FOREVER, self._names.of(authority)
+        latest, name = now + self._cache if now else _FOREVER, self._names[authority]
         with self.lock:
             if type(transforms) is TransformRows:
                 transforms = self._take(transforms, name, latest)
