@@ -341,13 +341,14 @@ static void look_up(void)
         steps[i].edge = &edges[i], steps[i].is_down = i % 2;
         draw_pose(steps[i].after);
         draw_pose(pose);
-        add_sample(&edges[i], 1, &map, pose, 100);
+        edges[i].cache = 100;
+        add_sample(&edges[i], 1, &map, pose);
     }
     for (int64_t time = 2; time < SAMPLES; time++) {
         for (int i = 0; i < FRAMES; i++) {
             draw_pose(pose);
-            if (time % (i + 1) == 0 && take_sample(&edges[i], time, pose, &team, 100) < 0)
-                add_sample(&edges[i], time, &map, pose, 100);
+            if (time % (i + 1) == 0 && take_sample(&edges[i], time, pose, &team) < 0)
+                add_sample(&edges[i], time, &map, pose);
         }
         stamp = time - (int64_t)drawn(0.0, 20.0);
         if (solve_path(&path, stamp, pose))

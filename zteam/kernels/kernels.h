@@ -351,7 +351,7 @@ typedef struct {
     tf_sample *samples;         /* (room), allocated here; by ascending stamps from `first` on */
     int64_t room, first, count;
     const tf_name *child, *authority; /* the sender of the sample that came last */
-    int64_t is_static;
+    int64_t is_static, cache; /* ns: samples that are so much older than the newest one are forgotten */
 } tf_edge;
 
 /* A moving edge of a path, which leads down it or up, and the static transform to the next one. */
@@ -384,13 +384,13 @@ void free_samples(tf_edge *e);
 /* Whether all samples have one parent; how many are older than a time. */
 int has_one_parent(const tf_edge *e);
 int64_t count_before(const tf_edge *e, int64_t time);
-/* Add a sample with a new stamp, and forget those that are so much older than the newest one. 0 without memory. */
-int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *pose, int64_t cache);
+/* Add a sample with a new stamp, and forget old ones. 0 without memory. */
+int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *pose);
 /* Add one that has the parent of the newest one if that is sure: 1, or 0 if it is the newest one again. -1: not sure. */
-int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *authority, int64_t cache);
+int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *authority);
 /* Do so with the transforms of a message from one on, until one is not sure or later than `latest`; return which. */
 int64_t take_transforms(tf_edge *const *edges, int64_t known, const uint8_t *bytes, const tf_row *rows, int64_t from,
-                        int64_t count, const tf_name *authority, int64_t latest, int64_t cache, int64_t *repeated);
+                        int64_t count, const tf_name *authority, int64_t latest, int64_t *repeated);
 /* The newest time that all moving edges of a path have; 0 if none moves. A stamp of 0 is none. */
 int64_t newest_time(const tf_path *p);
 /* target_from_source (7) and its yaw (rad) at a time; 0 where an edge has no data. */

@@ -83,7 +83,7 @@ void free_samples(tf_edge *e)
     free(e->samples);
 }
 
-int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *pose, int64_t cache)
+int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *pose)
 {
     if (e->first + e->count == e->room) {
         if (2 * e->first > e->count) {
@@ -103,13 +103,13 @@ int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *p
     made->stamp = stamp, made->parent = parent;
     memcpy(made->pose, pose, sizeof made->pose);
     e->count++;
-    int64_t oldest = sample_of(e, e->count - 1)->stamp - cache;
+    int64_t oldest = sample_of(e, e->count - 1)->stamp - e->cache;
     while (sample_of(e, 0)->stamp < oldest)
         e->first++, e->count--;
     return 1;
 }
 
-int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *authority, int64_t cache)
+int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *authority)
 {
     if (e->is_static || !e->count)
         return -1;
@@ -122,7 +122,7 @@ int take_sample(tf_edge *e, int64_t stamp, const double *pose, const tf_name *au
     double over = pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6] - 1.0;
     /* A number that is not finite makes the sum NaN. */
     over += (pose[0] + pose[1] + pose[2]) * 0.0;
-    if (!(fabs(over) < TF_ROUNDING) || !add_sample(e, stamp, last->parent, pose, cache))
+    if (!(fabs(over) < TF_ROUNDING) || !add_sample(e, stamp, last->parent, pose))
         return -1;
     e->authority = authority;
     return 1;
@@ -134,7 +134,7 @@ static int is_name(const tf_name *name, const uint8_t *text, int64_t size)
 }
 
 int64_t take_transforms(tf_edge *const *edges, int64_t known, const uint8_t *bytes, const tf_row *rows, int64_t from,
-                        int64_t count, const tf_name *authority, int64_t latest, int64_t cache, int64_t *repeated)
+                        int64_t count, const tf_name *authority, int64_t latest, int64_t *repeated)
 {
     /* Mostly they come in the order in which the edges were made. */
     int64_t guess = 0;
@@ -150,7 +150,7 @@ int64_t take_transforms(tf_edge *const *edges, int64_t known, const uint8_t *byt
             break;
         if (!is_name(sample_of(edge, edge->count - 1)->parent, bytes + row->parent, row->parent_size))
             break;
-        int taken = take_sample(edge, row->stamp, row->pose, authority, cache);
+        int taken = take_sample(edge, row->stamp, row->pose, authority);
         if (taken < 0)
             break;
         *repeated += !taken;

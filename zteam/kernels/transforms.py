@@ -68,13 +68,14 @@ class Sample(NamedTuple):
 class Edge:
     """The edge from one child frame to its parent: its samples by ascending stamps, or its static transform."""
 
-    def __init__(self, names: Names, child: str, static: bool = False) -> None:
+    def __init__(self, names: Names, child: str, cache: int, static: bool = False) -> None:
+        """Samples that are `cache` ns older than the newest one are forgotten."""
         self._names, self.static = names, static
         self.parent = ""
         """Of the newest sample."""
         self.edge = ffi.gc(ffi.new("tf_edge *"), lib.free_samples)
         """For C."""
-        self.edge.child, self.edge.is_static = names[child], static
+        self.edge.child, self.edge.cache, self.edge.is_static = names[child], cache, static
 
     def __len__(self) -> int:
         return int(self.edge.count)
@@ -113,16 +114,16 @@ class Edge:
         found = self[at] if at >= 0 else None
         return found if found is not None and found.stamp == stamp else None
 
-    def insert(self, stamp: int, parent: str, pose: Floats, authority: str, cache: int) -> None:
-        """Insert a sample whose stamp is new, and forget those that are `cache` ns older than the newest one."""
-        if not lib.add_sample(self.edge, stamp, self._names[parent], pose, cache):
+    def insert(self, stamp: int, parent: str, pose: Floats, authority: str) -> None:
+        """Insert a sample whose stamp is new."""
+        if not lib.add_sample(self.edge, stamp, self._names[parent], pose):
             raise MemoryError
         self.edge.authority = self._names[authority]
         self.parent = self[-1].parent
 
 
 take_sample = lib.take_sample
-"""`take_sample(edge.edge, stamp, pose, authority, cache)` inserts a usual sample: it has the parent of the newest one,
+"""`take_sample(edge.edge, stamp, pose, authority)` inserts a usual sample: it has the parent of the newest one,
 is newer than that, has finite numbers and a unit quaternion: 1, or 0 if it is the newest one again, or -1 for any
 other, which is not stored. It is C's own function: a layer of Python would take as long as that."""
 
@@ -175,14 +176,13 @@ class Edges:
         self._array = ffi.new("tf_edge *[]", [edge.edge for edge in self._edges])
         self._repeated = ffi.new("int64_t *")
 
-    def take(self, rows: "Rows", start: int, authority: Any, latest: int, cache: int) -> tuple[int, int]:
+    def take(self, rows: "Rows", start: int, authority: Any, latest: int) -> tuple[int, int]:
         """`take_sample` each of `rows` from `start` on until one is not usual or is later than `latest`: which one, and
         how many came again."""
         self._repeated[0] = 0
         at = lib.take_transforms(
-            self._array, len(self._edges), rows.payload, rows.rows, start, len(rows), authority, latest, cache,
-            self._repeated,
-        )  # fmt: skip
+            self._array, len(self._edges), rows.payload, rows.rows, start, len(rows), authority, latest, self._repeated
+        )
         return at, self._repeated[0]
 
 

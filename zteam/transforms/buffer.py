@@ -96,12 +96,13 @@ class Buffer:
                     continue
                 taken = -1
                 if edge is not None and edge.parent == parent:
-                    taken = take_sample(edge.edge, time, floats, name, self._cache)
+                    taken = take_sample(edge.edge, time, floats, name)
                 if taken == 0:
                     self.duplicates += 1
                 elif taken < 0 and (refused := self._put(child, parent, time, floats, authority)) is not None:
                     found.append(refused)
-            self._changed.look()
+            if self._changed.awaited:
+                self._changed.look()
         return found
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -135,7 +136,7 @@ class Buffer:
         with self.lock:
             for child, edge in self._edges.items():
                 if not edge.static:
-                    self._edges[child] = Edge(self._names, child)
+                    self._edges[child] = Edge(self._names, child, self._cache)
             self._forget_paths()
 
     def take_time(self, now: int) -> bool:
@@ -311,7 +312,7 @@ class Buffer:
         while True:
             if self._moving is None:
                 self._moving = Edges(edge for edge in self._edges.values() if not edge.static)
-            at, repeated = self._moving.take(transforms.rows, at, authority, latest, self._cache)
+            at, repeated = self._moving.take(transforms.rows, at, authority, latest)
             self.duplicates += repeated
             if at == len(transforms):
                 return
@@ -345,10 +346,10 @@ class Buffer:
             other = self._edges[parent].authority if parent in self._edges else authority
             return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
         if edge is None or not edge.parent or static:
-            edge = self._edges[child] = Edge(self._names, child, static)
+            edge = self._edges[child] = Edge(self._names, child, self._cache, static)
         if edge.parent != parent or static:
             self._forget_paths()
-        edge.insert(stamp, parent, floats, authority, self._cache)
+        edge.insert(stamp, parent, floats, authority)
         self._frames.update((child, parent))
         return None
 
