@@ -166,8 +166,7 @@ def test_listening_to_100_robots(benchmark: Any) -> None:
     def listen() -> Buffer:
         buffer = Buffer()
         for bundle in bundles:
-            for transform in decode(TFMessage, bundle).transforms:
-                buffer.set_transform(transform, "tf")
+            buffer.set_transforms(decode(TFMessage, bundle).transforms, "tf")
         return buffer
 
     assert sum(info.samples for info in benchmark(listen).frames().values()) == 50 * len(edges)

@@ -124,8 +124,7 @@ class _Bundles:
 
     def take_and_look(self) -> None:
         """Take a bundle, then look up a follower's own pose and its leader's, as a follower does."""
-        for transform in decode(TFMessage, self._payloads[self._next]).transforms:
-            self._buffer.set_transform(transform, names.TF)
+        self._buffer.set_transforms(decode(TFMessage, self._payloads[self._next]).transforms, names.TF)
         self._next += 1
         self.now = self._next * _TICK
         own, leader = (names.robot_frame(i, names.BASE_FOOTPRINT) for i in (1, 0))
