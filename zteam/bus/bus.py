@@ -245,10 +245,10 @@ class Bus:
         self.open(publisher)
         return publisher
 
-    def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+    def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool = False) -> Closeable:
         check_use("subscribe to", key_expr, False)
         forget = self._list(key_expr, False)
-        subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
+        subscriber = self.transport.declare_subscriber(key_expr, handler, latched)
         return Handle(forget, subscriber.close)
 
     def _list(self, key: str, publishes: bool) -> Callable[[], object]:
@@ -267,7 +267,7 @@ class Bus:
         """
         check_message_type(key_expr, message_type)
         handler = self.counters.messages(message_type, callback, latched=latched)
-        return self._subscribe(key_expr, handler, latched, latched)
+        return self._subscribe(key_expr, handler, latched)
 
     def subscribe_from(
         self,
@@ -282,7 +282,7 @@ class Bus:
         """
         check_message_type(key_expr, message_type)
         handler = self.counters.messages(message_type, callback, with_source=True, problem=problem)
-        return self._subscribe(key_expr, handler, False, True)
+        return self._subscribe(key_expr, handler)
 
     def subscribe_raw(
         self,
@@ -294,10 +294,9 @@ class Bus:
     ) -> Closeable:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding.
 
-        With `only`, those of other types are dropped, and without `latched` the rest have neither time nor source:
-        reading those takes as long as all else.
+        With `only`, those of other types are dropped.
         """
-        return self._subscribe(key_expr, self.counters.samples(callback, only), latched, latched or only is None)
+        return self._subscribe(key_expr, self.counters.samples(callback, only), latched)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0

@@ -116,7 +116,7 @@ class MemoryTransport(Transport):
         passed_over, source = self.instance if to_others else "", source or self.instance
         return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
         check_use("subscribe to", key_expr, self.closed)
         hub, receiver = self._hub, HubReceiver(self._owner, handler)
         with hub.lock:

@@ -334,11 +334,8 @@ class Transport(ABC):
         """
 
     @abstractmethod
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
-        """A subscriber; a latched one also gets what was put before it came.
-
-        Without `stamped`, samples have neither time nor source: reading those takes as long as the rest.
-        """
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+        """A subscriber; a latched one also gets what was put before it came."""
 
     @abstractmethod
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:

@@ -36,7 +36,7 @@ _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _CACHE = zenoh.ext.CacheConfig(1)
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
-_BYTES, _PUT = "zenoh/bytes", zenoh.SampleKind.PUT
+_BYTES, _PUT = zenoh.Encoding("zenoh/bytes"), zenoh.SampleKind.PUT
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
@@ -97,37 +97,58 @@ class Aside:
             work()
 
 
-def read_sample(sample: zenoh.Sample, stamped: bool = True) -> RawSample:
-    """A sample of Zenoh; unless `stamped` it has neither time nor source."""
-    encoding = str(sample.encoding)
-    if encoding == _BYTES:
-        encoding = ""
-    key, payload = str(sample.key_expr), sample.payload.to_bytes()
-    stamp = read_stamp(str(sample.timestamp or "")) if stamped else ()
-    return RawSample(key, payload, encoding, *stamp)
+class ZenohSample(RawSample):
+    """One message of Zenoh. Its time stamp is read where it is asked for: that takes as long as the rest."""
+
+    sample: Any = None
+
+    def _time(self) -> int:
+        stamp = self.sample.timestamp
+        return 0 if stamp is None else int(str(stamp.get_time_as_ntp64()))
+
+    def _session(self) -> str:
+        stamp = self.sample.timestamp
+        return "" if stamp is None else str(stamp.get_id())
+
+    def _measure_delay(self) -> float:
+        time = self._time()
+        return to_seconds(stamp_ns() - (time * NS_PER_S >> 32)) if time else 0.0
+
+    # In place of the fields.
+    timestamp = property(_time)
+    source = property(_session)
+    delay = property(_measure_delay)
+
+    @property
+    def writer(self) -> Writer:
+        """Its publisher, as that one's token names it."""
+        info = self.sample.source_info
+        if info is None:
+            return self.key, self.source, _UNNUMBERED
+        return self.key, str(info.source_id.zid), str(info.source_id.eid)
 
 
-def sample_callback(handle: Callable[[zenoh.Sample], None]) -> Any:
-    """A Zenoh callback for samples.
+def sample_callback(handle: Callable[[ZenohSample], object]) -> Callable[[zenoh.Sample], None]:
+    """What Zenoh calls with the samples of one subscription, or the replies to one query.
 
     It is on Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
     """
+    newest = _BYTES, ""
+    """The encoding of the sample before, and its text, which takes long to make."""
 
     def on_sample(sample: zenoh.Sample) -> None:
+        nonlocal newest
         if not hasattr(_THREAD, "stays"):
             _stay()
-        if sample.kind == _PUT:
-            handle(sample)
+        if sample.kind != _PUT:
+            return
+        encoding, text = newest
+        if sample.encoding != encoding:
+            encoding = sample.encoding
+            newest = encoding, text = encoding, "" if encoding == _BYTES else str(encoding)
+        handle(ZenohSample(str(sample.key_expr), sample.payload.to_bytes(), text, sample=sample))
 
-    return zenoh.handlers.Callback(on_sample, indirect=False)
-
-
-def _writer_of(sample: zenoh.Sample, raw: RawSample) -> Writer:
-    """The publisher of a sample, as its token names it."""
-    info = sample.source_info
-    if info is None:
-        return raw.key, raw.source, _UNNUMBERED
-    return raw.key, str(info.source_id.zid), str(info.source_id.eid)
+    return on_sample
 
 
 def _undeclare(entity: Any) -> None:
@@ -155,16 +176,6 @@ def stamping_as(session: str) -> Callable[[], zenoh.Timestamp]:
     name = zenoh.TimestampId(bytes.fromhex(session.zfill(2 * -(-len(session) // 2)))[::-1])
     make, time = zenoh.Timestamp, zenoh.NTP64
     return lambda: make(time(*divmod(stamp_ns(), NS_PER_S)), name)
-
-
-def read_stamp(text: str) -> tuple[int, str, float]:
-    """What a sample's time stamp tells when the sample comes: time, session, delay; as the fields of RawSample."""
-    # "<NTP64>/<id>": the only exact form that Python gets.
-    time, _, session = text.partition("/")
-    if not time:
-        return 0, "", 0.0
-    stamp = int(time)
-    return stamp, session, to_seconds(stamp_ns() - (stamp * NS_PER_S >> 32))
 
 
 class ZenohPublisher(Handle):
@@ -333,29 +344,26 @@ class ZenohTransport(Transport):
         entity = self._make("publish on", key, declare)
         return self._keep(ZenohPublisher(entity, latched, stamping_as(source) if source else self._stamp))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
             return self._latched.subscribe(key_expr, handler)
-        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, stamped)))
+        return self._subscribe(key_expr, handler)
 
-    def _subscribe(self, key_expr: str, handle: Callable[[zenoh.Sample], None]) -> Closeable:
+    def _subscribe(self, key_expr: str, handle: Callable[[ZenohSample], object]) -> Closeable:
         def declare() -> Any:
             self._keep_id(key_expr)
-            return self._session.declare_subscriber(key_expr, sample_callback(handle))
+            callback: Any = zenoh.handlers.Callback(sample_callback(handle), indirect=False)
+            return self._session.declare_subscriber(key_expr, callback)
 
         return self._declare("subscribe to", key_expr, declare)
 
     def _subscribe_latched(self, key_expr: str, subscription: LatchedSubscription) -> Closeable:
-        def receive(sample: zenoh.Sample) -> None:
-            raw = read_sample(sample)
-            subscription.receive(raw, _writer_of(sample, raw))
-
         def on_token(token: zenoh.Sample) -> None:
             subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
 
         tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
-        live = self._subscribe(key_expr, receive)
+        live = self._subscribe(key_expr, lambda sample: subscription.receive(sample, sample.writer))
         # After it: what is published from then on comes, what was published before is asked for.
         watch = self._declare(
             "subscribe to",
@@ -365,9 +373,11 @@ class ZenohTransport(Transport):
         return Handle(watch.close, live.close)
 
     def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
+        take = sample_callback(receive)
+
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                receive(read_sample(reply.ok))
+                take(reply.ok)
 
         try:
             self._get(

@@ -33,9 +33,9 @@ class Wire(MemoryTransport):
         super().__init__(hub)
         self.hear: Callable[[RawSample], None]
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
         self.hear = handler
-        return super().declare_subscriber(key_expr, handler, latched, stamped)
+        return super().declare_subscriber(key_expr, handler, latched)
 
 
 def test_a_latched_key_beyond_the_limit_passes_over_older_values(

@@ -12,6 +12,7 @@ import zenoh
 from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, connect, zenoh_session
+from zteam.bus.transport import RawSample
 from zteam.bus.zenoh_session import TokenWatch, ZenohTransport
 
 BEGIN, END = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
@@ -129,16 +130,17 @@ def test_coverage_sees_the_handlers_of_messages() -> None:
     """A thread that Python has not started, as Zenoh's, gets the trace function of Python's threads."""
     seen, done, before = set(), threading.Event(), threading.gettrace()
 
-    def take(_sample: zenoh.Sample) -> None:
+    def take(_sample: RawSample) -> None:
         done.set()
 
     def trace(frame: FrameType, _event: str, _arg: object) -> None:
         seen.add(frame.f_code)
 
     callback = zenoh_session.sample_callback(take)
+    sample = SimpleNamespace(kind=BEGIN, key_expr="a", encoding=zenoh.Encoding("b"), payload=zenoh.ZBytes(b""))
     threading.settrace(trace)
     try:
-        _thread.start_new_thread(callback, (link(BEGIN),))
+        _thread.start_new_thread(callback, (sample,))
         assert done.wait(LIMIT)
     finally:
         threading.settrace(before)  # type: ignore[arg-type]

@@ -165,7 +165,7 @@ def test_now_is_the_teams_time(text: str, tools: MemoryHub, run: Run) -> None:
 
 def test_a_subscriber_that_tells_no_name_is_one(tools: MemoryHub, run: Run) -> None:
     """A foreign program does not tell its subscribers, but the publisher knows that there is one."""
-    MemoryTransport(tools).declare_subscriber("lamp", ignore, False, True)
+    MemoryTransport(tools).declare_subscriber("lamp", ignore, False)
     out, err = run("zteam topic pub -1 lamp Bool")
     assert "once to subscribers that tell no name (frozen, or no processes of zteam)\n" in out and not err
 

@@ -13,8 +13,6 @@ from collections.abc import Callable, Sequence
 from threading import get_ident
 from typing import Any
 
-import msgspec
-
 from zteam.bus import Bus, MemoryHub
 from zteam.bus.memory import HubReceiver, MemoryTransport
 from zteam.bus.transport import Closeable, Handle, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler
@@ -164,17 +162,18 @@ class _BridgedSession(_Session):
         outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
         return self._keep(_PublisherPair(inside, outside))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
-        inside = super().declare_subscriber(key_expr, handler, latched, stamped)
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+        inside = super().declare_subscriber(key_expr, handler, latched)
         sessions, receivers = self._sessions, [HubReceiver(self._owner, handler)]
 
         def hear(sample: RawSample) -> None:
             # What nodes send comes on the hub.
-            if sample.source not in sessions.instances:
-                news = msgspec.structs.replace(sample, timestamp=sessions.time_on_hub(sample.timestamp))
+            if (source := sample.source) not in sessions.instances:
+                time, delay = sessions.time_on_hub(sample.timestamp), sample.delay
+                news = RawSample(sample.key, sample.content, sample.encoding, time, source, delay)
                 sessions.delivery.deliver(receivers, news)
 
-        return self._pair(inside, self._outside.declare_subscriber(key_expr, hear, latched, stamped))
+        return self._pair(inside, self._outside.declare_subscriber(key_expr, hear, latched))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         inside = super().declare_queryable(key, handler)
