@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.transport import RawSample, SampleHandler, size_problem
+from zteam.bus.transport import MAX_PAYLOAD, RawSample, SampleHandler, size_problem
 from zteam.clock import Sent, monotonic
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
@@ -112,12 +112,13 @@ class Receiver:
         return message
 
     def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
-        if isinstance(sample.content, message_type):
-            return sample.content
+        content = sample.content
+        if isinstance(content, message_type):
+            return content
         try:
-            payload = sample.payload
-            if problem := size_problem(payload):
-                raise DecodeError(problem)
+            payload = content if type(content) is bytes else sample.payload
+            if len(payload) > MAX_PAYLOAD:
+                raise DecodeError(size_problem(payload))
             return decode(message_type, payload)
         except DecodeError as error:
             self.drop(sample.key, str(error))

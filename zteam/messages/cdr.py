@@ -8,7 +8,7 @@ are views into the payload. On the wire everything is little endian; both are re
 
 import struct
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,6 +32,8 @@ _MAY_BE_INFINITE = {
 the payload undecodable."""
 
 _HEADER = b"\x00\x01\x00\x00"
+_START = len(_HEADER)
+_ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _MAX_PADDING = 3
 """XCDR1 writers may pad a payload to a multiple of four."""
 
@@ -40,7 +42,7 @@ def encode(message: Message) -> bytes:
     """The message's CDR bytes, little endian. Raises EncodeError for a value that does not fit its field."""
     parts = [_HEADER]
     try:
-        _writer(type(message))(message, parts, len(_HEADER))
+        _writer(type(message))(message, parts, _START)
     except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise EncodeError(f"cannot encode {type(message).__name__}: {error}") from None
     return b"".join(parts)
@@ -52,13 +54,13 @@ def decode(message_type: type[M], payload: bytes) -> M:
     Raises DecodeError, and nothing else, for anything that is no such message: too short, garbage behind it, a
     length that the payload does not have, a text that is not UTF-8, a number that is not finite where it must be.
     """
-    size = len(payload)
-    if size < len(_HEADER):
+    size, order = len(payload), _ORDERS.get(payload[:2])
+    if size < _START:
         raise DecodeError(f"{size} bytes are too few for {message_type.__name__}")
-    if payload[0] != 0 or payload[1] > 1:
+    if order is None:
         raise DecodeError(f"not CDR: it begins with {payload[:2].hex()}")
     try:
-        message, end = _reader(message_type, "<" if payload[1] else ">")(payload, len(_HEADER), size)
+        message, end = _reader(message_type, order)(payload, _START, size)
     except (struct.error, UnicodeDecodeError, ValueError, OverflowError) as error:
         raise DecodeError(f"not a {message_type.__name__}: {error}") from None
     if size - end > _MAX_PADDING:
@@ -85,7 +87,7 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at."""
     variants = []
     for start in range(8):
-        position, layout = start - len(_HEADER), order
+        position, layout = start - _START, order
         for code in codes:
             size = struct.calcsize(order + code)
             padding = -position % size
@@ -184,7 +186,7 @@ def _write_numbers(source: _Source, place: str, field: Field, array: str) -> Non
     size = np.dtype(field.ros_name).itemsize
     if field.length or size > 4:
         # A length leaves the position at a multiple of 4. An empty sequence is not aligned.
-        source.add(f"n = ({len(_HEADER)} - p) % {size} if len({array}) else 0; parts.append(bytes(n)); p += n")
+        source.add(f"n = ({_START} - p) % {size} if len({array}) else 0; parts.append(bytes(n)); p += n")
     source.add(f"b = {array}.tobytes(); parts.append(b); p += len(b)")
 
 
@@ -194,7 +196,8 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     source = _Source(order)
     values: dict[str, str] = {}
     checks, finite = [], []
-    for number, (place, field, must_be_finite) in enumerate(_flat(kind, "m")):
+    flat = [*_flat(kind, "m")]
+    for number, (place, field, must_be_finite) in enumerate(flat):
         value = values[place] = f"v{number}"
         if field.kind is None and field.length is None:
             source.number(_CODES[field.ros_name], value)
@@ -222,7 +225,10 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
                 source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
             reader = source.name("R", _reader(field.kind, order))
             lines = [f"{value} = []", f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)"]
-            if order == "<" and (read_rows := getattr(field.kind, "read_rows", None)) is not None:
+            if field.kind is str and number == len(flat) - 1:
+                source.names["texts"] = _texts
+                lines = [f"{value}, n = texts({reader}, n, buf[p & -8:end], p & 7); {value} = [*{value}]; p += n"]
+            elif order == "<" and (read_rows := getattr(field.kind, "read_rows", None)) is not None:
                 source.add(f"e = {source.name('V', read_rows)}(buf, p, end, n)", f"if e is not None: {value}, p = e")
                 lines = ["else:", *(f"    {line}" for line in lines)]
             source.add(*lines)
@@ -236,10 +242,20 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
 
+@lru_cache(maxsize=1)
+def _texts(read: Callable[..., Any], count: int, buf: bytes, begin: int) -> tuple[list[str], int]:
+    """The texts at the end of a message, at `begin` in `buf`, and their size. Each tick of lock-step has the same."""
+    texts, p = [], begin
+    for _ in range(count):
+        text, p = read(buf, p, len(buf))
+        texts.append(text)
+    return texts, p - begin
+
+
 def _read_numbers(source: _Source, value: str, field: Field, order: str) -> None:
     size, number = np.dtype(field.ros_name).itemsize, str(field.length or "n")
     if field.length or size > 4:
-        source.add(f"if {number}: p += ({len(_HEADER)} - p) % {size}")
+        source.add(f"if {number}: p += ({_START} - p) % {size}")
     if not field.length:
         source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
     native = "" if order == "<" else f".astype({source.dtype(field, '<')})"
