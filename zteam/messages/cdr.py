@@ -6,6 +6,7 @@ generated as Python source and compiled on first use: neighbouring numbers becom
 are views into the payload. On the wire everything is little endian; both are read.
 """
 
+import math
 import struct
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache
@@ -83,16 +84,18 @@ def _flat(kind: Any, place: str) -> Iterator[tuple[str, Field, bool]]:
 
 
 @cache
-def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
-    """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at."""
+def _runs(codes: tuple[str, ...], order: str) -> tuple[struct.Struct, ...]:
+    """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at.
+
+    A code with a 0, such as `0d`, is no number, but the place where an array of such numbers begins.
+    """
     variants = []
     for start in range(8):
         position, layout = start - _START, order
         for code in codes:
-            size = struct.calcsize(order + code)
-            padding = -position % size
+            padding = -position % struct.calcsize(order + code.strip("0"))
             layout += "x" * padding + code
-            position += padding + size
+            position += padding + struct.calcsize(order + code)
         variants.append(struct.Struct(layout))
     return tuple(variants)
 
@@ -127,9 +130,9 @@ class _Source:
     def end_run(self, *lines: str) -> None:
         """Use the struct `{s}` of the run, if there is one, for its numbers `{values}` at position `p`."""
         if self._run:
-            codes, values = zip(*self._run, strict=True)
-            structs = self.name("S", _runs("".join(codes), self._order))
-            self.add(*(line.format(s=f"{structs}[p & 7]", values=", ".join(values)) for line in lines))
+            codes, expressions = zip(*self._run, strict=True)
+            structs, values = self.name("S", _runs(codes, self._order)), ", ".join(filter(None, expressions))
+            self.add(*(line.format(s=f"{structs}[p & 7]", values=values) for line in lines))
             self._run.clear()
 
     def compile(self, head: str, label: str) -> Callable[..., Any]:
@@ -139,8 +142,9 @@ class _Source:
         return function
 
 
-_PACK = "b = {s}.pack({values})", "parts.append(b); p += len(b)"
-_UNPACK = "s = {s}", "{values}, = s.unpack_from(buf, p); p += s.size"
+_APPEND = "parts.append(b); p += len(b)"
+_PACK = "b = {s}.pack({values})", _APPEND
+_UNPACK = "s = {s}", "[{values}] = s.unpack_from(buf, p); p += s.size"
 
 
 def _truth(value: Any) -> bool:
@@ -163,8 +167,7 @@ def _writer(kind: Any) -> Callable[..., Any]:
         elif field.length is None:
             source.add(f"s{number} = {place}.encode() + b'\\0'")
             source.number("I", f"len(s{number})")
-            source.end_run(*_PACK)
-            source.add(f"parts.append(s{number}); p += len(s{number})")
+            source.end_run(f"{_PACK[0]} + s{number}", _APPEND)
         else:
             source.number("I", f"len({place})")
             source.end_run(*_PACK)
@@ -182,12 +185,13 @@ def _write_numbers(source: _Source, place: str, field: Field, array: str) -> Non
     else:
         count = field.length
         source.add(f"if {array}.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
-    source.end_run(*_PACK)
-    size = np.dtype(field.ros_name).itemsize
-    if field.length or size > 4:
+        source.number("0" + _CODES[field.ros_name], "")
+    if not field.length and (size := np.dtype(field.ros_name).itemsize) > 4:
         # A length leaves the position at a multiple of 4. An empty sequence is not aligned.
-        source.add(f"n = ({_START} - p) % {size} if len({array}) else 0; parts.append(bytes(n)); p += n")
-    source.add(f"b = {array}.tobytes(); parts.append(b); p += len(b)")
+        source.end_run(*_PACK)
+        source.add(f"b = bytes(({_START} - p) % {size} if len({array}) else 0) + {array}.tobytes()", _APPEND)
+    else:
+        source.end_run(f"{_PACK[0]} + {array}.tobytes()", _APPEND)
 
 
 @cache
@@ -206,8 +210,7 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
                 checks.append(f"if {value} > 1: raise DecodeError('{place} is neither true nor false')")
                 checks.append(f"{value} = {value} == 1")
             continue
-        if not field.length:
-            source.number("I", "n")
+        source.number(*(("0" + _CODES[field.ros_name], "") if field.length else ("I", "n")))
         source.end_run(*_UNPACK)
         if field.kind is None:
             _read_numbers(source, value, field, order)
@@ -235,9 +238,9 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     source.end_run(*_UNPACK)
     source.add(*checks)
     if finite:
-        # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
-        zeros = " + ".join("0.0 * " + value for value in finite)
-        source.add(f"if {zeros} != 0.0: raise DecodeError('a number is not finite')")
+        # 0 * x is 0 for every finite x and NaN for the others.
+        source.names["prod"] = math.prod
+        source.add(f"if prod(({', '.join(finite)},), start=0.0) != 0.0: raise DecodeError('a number is not finite')")
     source.add(f"return {_construction(kind, 'm', values, source)}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
@@ -254,9 +257,8 @@ def _texts(read: Callable[..., Any], count: int, buf: bytes, begin: int) -> tupl
 
 def _read_numbers(source: _Source, value: str, field: Field, order: str) -> None:
     size, number = np.dtype(field.ros_name).itemsize, str(field.length or "n")
-    if field.length or size > 4:
-        source.add(f"if {number}: p += ({_START} - p) % {size}")
     if not field.length:
+        source.add(*[f"if n: p += ({_START} - p) % {size}"] * (size > 4))
         source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
     native = "" if order == "<" else f".astype({source.dtype(field, '<')})"
     source.add(
