@@ -196,7 +196,7 @@ class ZenohPublisher(Handle):
         """`stamp()` makes the time stamps of samples."""
         super().__init__(self._end, partial(_undeclare, entity))
         self._entity: Any = entity
-        self._matching = True
+        self.has_subscribers = True
         self._stamp = stamp
         if not latched:
             # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
@@ -207,18 +207,14 @@ class ZenohPublisher(Handle):
             with self._lock:
                 # The listener's word is newer than the answer.
                 if not self._told:
-                    self._matching = now
-
-    @property
-    def has_subscribers(self) -> bool:
-        return self._matching and self._entity is not None
+                    self.has_subscribers = now
 
     def _end(self) -> None:
-        self._entity = None
+        self._entity, self.has_subscribers = None, False
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
-            self._matching, self._told = status.matching, True
+            self.has_subscribers, self._told = status.matching and self._entity is not None, True
 
     def put(self, content: bytes | Message) -> None:
         payload = content if isinstance(content, bytes) else encode(content)

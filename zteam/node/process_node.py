@@ -213,24 +213,26 @@ class ProcessNode:
         waits for it, and no handler runs at the same time. Inputs that come during the step are taken after it, in
         order. An error of the step ends the process.
         """
+        had_input, lock, given = False, self.lock, None
         try:
-            with self.lock:
+            with lock:
                 if self._busy or not self.can_publish:
                     return
                 self._busy = True
                 given = begin()
-            if given is not None:
-                result = act(given)
-                with self.lock:
-                    # A process that is to stop answers no tick: chance would say what comes first, that or its end.
-                    if self.can_publish and not self.stopping:
-                        end(given, result)
+            result = None if given is None else act(given)
         except BaseException as error:
             self.fail(error)
-        with self.lock:
-            self._busy, had_input = False, bool(self._later)
+        with lock:
+            try:
+                # A process that is to stop answers no tick: chance would say what comes first, that or its end.
+                if self.can_publish and given is not None and not self.stop.requested:
+                    end(given, result)  # type: ignore[arg-type]
+            except BaseException as error:
+                self.fail(error)
+            self._busy = False
             while self._later:
-                callback, content = self._later.popleft()
+                had_input, (callback, content) = True, self._later.popleft()
                 callback(*content)
             if self.changed.awaited:
                 self.changed.look()
