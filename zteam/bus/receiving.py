@@ -7,7 +7,8 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.transport import MAX_PAYLOAD, RawSample, SampleHandler, size_problem
+from zteam.bus import transport
+from zteam.bus.transport import RawSample, SampleHandler, size_problem
 from zteam.clock import Sent, monotonic
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
@@ -117,7 +118,7 @@ class Receiver:
             return content
         try:
             payload = content if type(content) is bytes else sample.payload
-            if len(payload) > MAX_PAYLOAD:
+            if len(payload) > transport.MAX_PAYLOAD:
                 raise DecodeError(size_problem(payload))
             return decode(message_type, payload)
         except DecodeError as error:
