@@ -258,15 +258,22 @@ class Bus:
         return lambda: self._declared.pop(place, None)
 
     def subscribe(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        problem: Callable[[RawSample], str] | None = None,
     ) -> Closeable:
         """Call `callback(key, message)` for every message that decodes; the others are counted and dropped.
 
         With `latched`, also call it with the last message of each key that was put before, if it has several writers
-        with the newest one of theirs.
+        with the newest one of theirs. `problem(sample)` says why a sample is dropped, and is empty for those that are
+        not.
         """
         check_message_type(key_expr, message_type)
-        handler = self.counters.messages(message_type, callback, latched=latched)
+        handler = self.counters.messages(message_type, callback, latched=latched, problem=problem)
         return self._subscribe(key_expr, handler, latched)
 
     def subscribe_from(
@@ -276,10 +283,7 @@ class Bus:
         callback: Callable[[str, M, str], None],
         problem: Callable[[RawSample], str] | None = None,
     ) -> Closeable:
-        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it.
-
-        `problem(sample)` says why a sample is dropped, and is empty for those that are not.
-        """
+        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it."""
         check_message_type(key_expr, message_type)
         handler = self.counters.messages(message_type, callback, with_source=True, problem=problem)
         return self._subscribe(key_expr, handler)

@@ -16,6 +16,7 @@ from zteam.messages import (
     RobotStatus,
     String,
     TFMessage,
+    Tick,
     Time,
     TransformStamped,
     Twist,
@@ -102,3 +103,10 @@ def test_lists_are_taken_for_sequences() -> None:
     """A plain list of numbers is encoded like the array it stands for."""
     as_list = LaserScan(ranges=[1.0, 2.0])  # type: ignore[arg-type]
     assert decode(LaserScan, encode(as_list)).ranges.tolist() == [1.0, 2.0]
+
+
+def test_two_messages_with_the_same_texts_share_no_list() -> None:
+    """The texts at the end of a message are read anew only if they have changed; a receiver may change its list."""
+    first, second, third = (decode(Tick, encode(Tick(tick=i, participants=["tf", "sim"[:i]]))) for i in (3, 3, 2))
+    first.participants.append("me")
+    assert (second.participants, third.participants) == (["tf", "sim"], ["tf", "si"])

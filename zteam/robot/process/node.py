@@ -90,7 +90,7 @@ class RobotNode:
     def _subscribe(self) -> None:
         node, key, inputs = self._node, partial(names.robot_key, self._id), self._inputs
         on_scan = node.handler(self._on_scan)
-        node.bus.subscribe_from(key(names.BASE_SCAN), LaserScan, on_scan, self._lateness_of_scan)
+        node.bus.subscribe(key(names.BASE_SCAN), LaserScan, on_scan, problem=self._lateness_of_scan)
         node.follow_go()
         node.hear(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.on_odom(odom))
@@ -117,7 +117,7 @@ class RobotNode:
         with self._node.between_steps():
             return CancelReply(self.driver.behavior.cancel_goal())
 
-    def _on_scan(self, _key: str, scan: LaserScan, _source: str) -> None:
+    def _on_scan(self, _key: str, scan: LaserScan) -> None:
         self._inputs.on_scan(scan)
         self._node.hear_stamp(self._inputs.scan_stamp)
         self._node.first_data = self._node.first_data or monotonic()
