@@ -10,6 +10,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Container
+from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
@@ -134,7 +135,9 @@ class ZenohSample(RawSample):
 
 
 def sample_callback(
-    handle: Callable[[ZenohSample], object], ids: Container[str], on_new: Callable[[str], object]
+    handle: Callable[[ZenohSample], object],
+    ids: Container[str] = (),
+    on_new: Callable[[str], object] = lambda _key: None,
 ) -> Callable[[zenoh.Sample], None]:
     """What Zenoh calls with the samples of one subscription, or the replies to one query; `on_new(key)` is called for
     keys that are not in `ids`.
@@ -153,7 +156,8 @@ def sample_callback(
         encoding, text = newest
         if sample.encoding != encoding:
             encoding = sample.encoding
-            newest = encoding, text = encoding, "" if encoding == _BYTES else str(encoding)
+            text = "" if encoding == _BYTES else str(encoding)
+            newest = encoding, text
         key = str(sample.key_expr)
         if key not in ids:
             on_new(key)
@@ -341,7 +345,8 @@ class ZenohTransport(Transport):
             self._presence.call(self._declare_id, key)
 
     def _declare_id(self, key: str) -> None:
-        if not self.closed:
+        # Unless it is closed meanwhile.
+        with suppress(zenoh.ZError):
             self._ids[key] = self._session.declare_keyexpr(key)
 
     def declare_publisher(
@@ -371,14 +376,12 @@ class ZenohTransport(Transport):
             return self._latched.subscribe(key_expr, handler)
         return self._subscribe(key_expr, handler)
 
-    def _callback(self, handle: Callable[[ZenohSample], object]) -> Callable[[zenoh.Sample], None]:
-        return sample_callback(handle, self._ids, self._note_key)
-
     def _subscribe(self, key_expr: str, handle: Callable[[ZenohSample], object]) -> Closeable:
         def declare() -> Any:
             self._keep_id(key_expr)
-            callback: Any = zenoh.handlers.Callback(self._callback(handle), indirect=False)
-            return self._session.declare_subscriber(key_expr, callback)
+            callback = sample_callback(handle, self._ids, self._note_key)
+            handler: Any = zenoh.handlers.Callback(callback, indirect=False)
+            return self._session.declare_subscriber(key_expr, handler)
 
         return self._declare("subscribe to", key_expr, declare)
 
@@ -397,7 +400,7 @@ class ZenohTransport(Transport):
         return Handle(watch.close, live.close)
 
     def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
-        take = self._callback(receive)
+        take = sample_callback(receive)
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:

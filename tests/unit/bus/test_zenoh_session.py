@@ -137,7 +137,7 @@ def test_coverage_sees_the_handlers_of_messages() -> None:
     def trace(frame: FrameType, _event: str, _arg: object) -> None:
         seen.add(frame.f_code)
 
-    callback = zenoh_session.sample_callback(take, ["a"], str)
+    callback = zenoh_session.sample_callback(take)
     sample = SimpleNamespace(kind=BEGIN, key_expr="a", encoding=zenoh.Encoding("b"), payload=zenoh.ZBytes(b""))
     threading.settrace(trace)
     try:
@@ -152,9 +152,11 @@ def test_keys_of_a_wildcard_are_declared_up_to_a_limit(monkeypatch: pytest.Monke
     """So Zenoh finds their subscriptions at once; a sender can invent keys."""
     monkeypatch.setattr(zenoh_session, "_MOST_NEW_KEYS", 2)
     heard, bus, other = Inbox(), *(connect(BusOptions(connect=router.endpoint)) for _ in range(2))
-    bus.subscribe_raw("a/*", lambda sample: heard(sample.key), latched=True)
+    bus.subscribe("a/*", Bool, lambda key, _: heard(key))
     for key in ("a/b", "a/c", "a/d"):
-        other.publisher(key, Bool, latched=True).put(Bool(True))
+        publisher = other.publisher(key, Bool)
+        wait_until_true(lambda publisher=publisher: publisher.has_subscribers)
+        publisher.put(Bool(True))
         heard.wait_for(key)
     wait_until_true(lambda: all(bus.transport._ids.get(key) for key in ("a/b", "a/c")))
     assert "a/d" not in bus.transport._ids
