@@ -151,7 +151,9 @@ def sample_callback(
         nonlocal newest
         if not hasattr(_THREAD, "stays"):
             _stay()
-        if sample.kind != _PUT:
+        payload = sample.payload.to_bytes()
+        if not payload and sample.kind != _PUT:
+            # What was deleted has no bytes.
             return
         encoding, text = newest
         if sample.encoding != encoding:
@@ -161,7 +163,7 @@ def sample_callback(
         key = str(sample.key_expr)
         if key not in ids:
             on_new(key)
-        handle(ZenohSample(key, sample.payload.to_bytes(), text, sample=sample))
+        handle(ZenohSample(key, payload, text, sample=sample))
 
     return on_sample
 
