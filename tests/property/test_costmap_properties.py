@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
-from zteam.geometry import Pose2
-from zteam.kernels.navigation import inflate, observe
+from zteam.geometry import Pose2, in_polygon
+from zteam.kernels.navigation import fill_disc, fill_outline, inflate, observe
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
 from zteam.planning import CostmapOptions, GridGeometry, make_circle, make_costmap, make_map
 
@@ -74,6 +74,28 @@ def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, 
     planning_references.trace_beams(expected, *laser.tolist(), ends, ends[marked])
     assert np.array_equal(costs, expected)
     assert all(left <= column < right and low <= row < high for column, row in (laser.tolist(), *ends.tolist()))
+
+
+@examples(30)
+@given(seeds, st.integers(0, 6))
+def test_a_disc_fills_what_it_touches_and_an_outline_what_has_its_middle_inside(seed: int, corners: int) -> None:
+    """Also beside the grid. The window holds all that has changed; an outline without corners is nowhere."""
+    rng = np.random.default_rng(seed)
+    (u, v, x, y), pose = rng.uniform(-5.0, 25.0, 4).tolist(), Pose2(*rng.uniform(-3.0, 20.0, 3).tolist())
+    outline, reach = rng.uniform(-6.0, 6.0, (corners, 2)), float(rng.uniform(0.0, 9.0))
+    row, column = np.indices((20, 18))
+    costs = np.zeros((20, 18), np.uint8)
+    fill_disc(costs, u, v, reach, 7)
+    off = np.maximum(np.maximum(column - u, u - column - 1), 0.0), np.maximum(np.maximum(row - v, v - row - 1), 0.0)
+    assert np.array_equal(costs == 7, np.hypot(*off) <= reach)
+    costs[:] = 0
+    window = fill_outline(costs, (x, y, 0.6, 0.8, 0.5), outline, pose, 7)
+    places = np.array([pose.compose(Pose2(*corner, 0.0))[:2] for corner in outline]).reshape(-1, 2) - (x, y)
+    points = np.column_stack((places @ (0.6, 0.8), places @ (-0.8, 0.6))) / 0.5
+    assert np.array_equal(costs == 7, in_polygon(points, column + 0.5, row + 0.5))
+    if window is not None:
+        costs[window[0] : window[1], window[2] : window[3]] = 0
+    assert not costs.any()
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), st.floats(-50, 50), st.floats(-50, 50))

@@ -1,6 +1,7 @@
 """The planner against Dijkstra, against all lines, and against small steps."""
 
 import heapq
+import itertools
 import math
 
 import numpy as np
@@ -12,7 +13,7 @@ from studies.navigation.ways import cost_of, length_of, plain_field
 from support import planning_references
 from support.examples import examples
 from support.planning_cases import random_cells, seeds, shares
-from zteam.kernels.navigation import measure_lines, shorten
+from zteam.kernels.navigation import measure_lines, shift_points, shorten
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
 from zteam.navigation.planning.planner import Field
 
@@ -137,3 +138,21 @@ def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
         elif (passed > 0).all():
             # Through a corner between two cells, one of which is blocked.
             assert abs(x1 - x0) and abs(y1 - y0)
+
+
+@examples(20)
+@given(seeds, st.integers(1, 4), st.integers(1, 3))
+def test_points_move_aside_to_the_cheapest_places(seed: int, count: int, width: int) -> None:
+    """No other choice of places costs less, and the ends stay."""
+    rng = np.random.default_rng(seed)
+    weights, points = rng.integers(1, 100, (12, 15), np.uint8), rng.integers(0, (15, 12), (count, 2))
+    beside = [[point] for point in points]
+    for i in range(1, count - 1):
+        along = points[i + 1] - points[i - 1]
+        aside = np.array((-along[1], along[0])) / max(np.hypot(*along), 1e-9)
+        moved = [points[i] + np.rint(aside * side * width).astype(np.int64) for side in range(-3, 4)]
+        beside[i] = [np.clip(place, 0, (14, 11)) for place in moved]
+    costs = [measure_lines(weights, way[:-1], way[1:]).sum() for way in map(np.array, itertools.product(*beside))]
+    way = shift_points(weights, points, width)
+    assert np.array_equal(way[[0, -1]], points[[0, -1]])
+    assert measure_lines(weights, way[:-1], way[1:]).sum() == pytest.approx(min(costs))

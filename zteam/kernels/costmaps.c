@@ -166,6 +166,8 @@ int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame
         for (int axis = 0; axis < 2; axis++)
             low[axis] = LEAST(corners[i + axis], low[axis]), high[axis] = MOST(corners[i + axis], high[axis]);
     }
+    if (count == 0)
+        return 0;
     box[0] = MOST((int64_t)floor(low[1]), 0), box[1] = LEAST((int64_t)floor(high[1]) + 1, rows);
     box[2] = MOST((int64_t)floor(low[0]), 0), box[3] = LEAST((int64_t)floor(high[0]) + 1, columns);
     for (int64_t row = box[0]; row < box[1]; row++)

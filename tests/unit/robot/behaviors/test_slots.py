@@ -107,7 +107,7 @@ def test_it_closes_faster_than_it_opens() -> None:
 
 
 def test_a_corridor_takes_its_share() -> None:
-    """Wide enough: none. Narrower: as much as the walls take. Narrower than one robot: all of it. A column needs none."""
+    """Wide enough: none. Narrower: as much as the walls take. Narrower than a robot: all of it. A column: none."""
     assert share(corridor(4.0)) == 0.0
     assert share(corridor(1.55)) == pytest.approx(0.5, abs=0.01)
     assert share(corridor(0.4)) == 1.0
