@@ -41,9 +41,10 @@ def test_no_place_of_the_stretch_is_nearer_than_the_projection(
     """The projection lies in the stretch, and no other place there is nearer."""
     path = Polyline(points)
     low, high = sorted((a * path.end, b * path.end))
-    found, _ = path.near((x, y), low, high)
+    found, off = path.near((x, y), low, high)
     assert low - near <= found <= high + near
     here = Pose2(x, y, 0.0)
+    assert distance(here, path.at(found)) == pytest.approx(off, abs=near)
     for share in others:
         assert distance(here, path.at(found)) <= distance(here, path.at(low + share * (high - low))) + near
 
