@@ -215,7 +215,7 @@ class WatchedCondition(threading.Condition):
     def __init__(self, lock: threading.RLock) -> None:
         super().__init__(lock)
         self.awaited: list[Callable[[], bool]] = []
-        """What the threads wait for that wait."""
+        """What each thread in `wait_until` waits for."""
 
     def wait_until(self, ready: Callable[[], bool], timeout: float) -> None:
         """Wait until `ready()`, for at most `timeout` host seconds, under the lock. `look` calls `ready` too."""

@@ -167,7 +167,7 @@ typedef struct {
     double x, y, cosine, sine;
 } frame;
 
-/* A base: its hull and its limits. Infinity where it tells none, but for how hard it brakes. */
+/* A base: its hull and its limits. A limit that it does not report is infinite; braking is then a default. */
 typedef struct {
     const double *planes;           /* (sides, 3): half-planes of the hull, as outlines.h has them */
     const double *corners, *border; /* (tips, 2); (2, edge): points on the outline; metres */
@@ -247,7 +247,7 @@ double meet(const base_limits *base, const double *motion, double seconds, doubl
             int64_t count);
 
 /* view.c */
-/* Tell poses (count, 4: x, y, yaw and a time) in the frame of one of them, (count, 3). */
+/* Transform poses (count, 4: x, y, yaw and a time) into the frame of one of them, (count, 3: x, y, yaw). */
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
 /* Make distances of the ranges of a scan, as zteam.messages.laser says; what is too close to measure is at `closest`.
    Return how many beams say nothing. */

@@ -195,9 +195,9 @@ class Beams(NamedTuple):
     nearest: float
     """No hit is nearer (metres)."""
     scan: Any
-    """All that for C."""
+    """The same for C: a `laser_scan` of kernels.h. It points to arrays of this object and of `directions`."""
     directions: kernels.Directions
-    """What that points to."""
+    """Kept because `scan` points to its arrays."""
 
     def find_hits(self, bound: float) -> Floats:
         """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""

@@ -132,7 +132,7 @@ class Observation(msgspec.Struct, frozen=True, eq=False):
     time: Time
     """`stamp` for messages."""
     sensed: Sensed
-    """What the robots have their share of."""
+    """What all robots sense: a RobotObservation reads its part of it."""
 
 
 class RobotArrays:
