@@ -35,8 +35,8 @@ OFF = 0.5
 """Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
 MARGIN = 0.1
 """Metres before a robot in which what the laser sees may be that robot."""
-NEAREST = 0.6
-"""Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
+NEARER = 0.6
+"""Metres by which a head that comes round is nearer to the last robot than to the one that is to follow it."""
 LOOK_ON, BODY = 1.5, 0.15
 """Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 
@@ -99,7 +99,7 @@ def head_comes_round(view: View, own: Pose2, role: LineRole) -> bool:
         return False
     head = seen[0][0][:2]
     near, apart = math.dist(head, own[:2]), [math.dist(head, each[0][:2]) for each in seen[1:] if each is not None]
-    return apart[0] > max(role.gap + STRETCHED, near + NEAREST) and min(apart) > near
+    return apart[0] > max(role.gap + STRETCHED, near + NEARER) and min(apart) > near
 
 
 SPACING, STEP = 0.05, 0.1
