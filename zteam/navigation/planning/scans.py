@@ -1,6 +1,6 @@
 """A scan as planning takes it: ranges, and where its beams end."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +63,6 @@ def on_teammates(points: Floats, teammates: Iterable[Teammate], margin: float) -
     return found
 
 
-def seen_from(base: Pose2, teammates: Iterable[Teammate]) -> list[Teammate]:
-    """Teammates in the base frame of a robot at `base`."""
-    return [Teammate(*base.locate(mate.x, mate.y), mate.radius) for mate in teammates]
+def seen_from(base: Pose2, teammates: Iterable[Teammate]) -> Iterator[Teammate]:
+    """Teammates in the base frame of a robot at `base`; most scans need none."""
+    return (Teammate(*base.locate(mate.x, mate.y), mate.radius) for mate in teammates)

@@ -58,9 +58,10 @@ class Costmaps:
             self.look_far(here)
 
     def look_far(self, here: Situation) -> None:
-        """Bring the global costmap up to date."""
-        self._due_whole = here.now + 1.0 / self._parameters.global_window.update_frequency
-        _update(self.whole, here, _FAR)
+        """Bring the global costmap up to date, once for a plan and for those who look at it."""
+        before, self._due_whole = self._due_whole, here.now + 1.0 / self._parameters.global_window.update_frequency
+        if self._due_whole != before:
+            _update(self.whole, here, _FAR)
 
     def look_near(self, here: Situation) -> None:
         """Bring the local costmap up to date: it moves with the robot."""

@@ -1,6 +1,6 @@
 """What has come for one robot, and what the team's transforms say of it."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from zteam import names
@@ -48,6 +48,17 @@ class TeamTransforms(TransformListener):
         self.left.update(TransformClient(self._bus).find_poses(lookups))
         self._connected.update(self.left)
 
+    def find_robots(self, now: int, bases: Mapping[int, Base]) -> dict[int, Teammate]:
+        """Where the robots with these bases are in `map`: those whose place is known and, at `now` (ns), not old."""
+        robots = sorted(bases)
+        frames = tuple(names.robot_frame(robot_id, names.BASE_FOOTPRINT) for robot_id in robots)
+        poses, stamps = self.find_poses2(names.MAP_FRAME, frames)
+        return {
+            robot_id: Teammate(poses[4 * row], poses[4 * row + 1], bases[robot_id].radius)
+            for row, robot_id in enumerate(robots)
+            if now - stamps[row] <= OLD
+        }
+
 
 class Inputs:
     """The newest data of one robot. Stamps are in ns."""
@@ -88,18 +99,20 @@ class Inputs:
         except TransformException:
             return None
 
-    def odom_pose(self, stamp: int) -> Pose2 | None:
-        """The base in `odom` at `stamp`, or the newest one."""
-        found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
-        return found and found[0]
+    def odom_pose(self, stamp: int = 0) -> tuple[Pose2, int] | None:
+        """The base in `odom` at `stamp`, or the newest one, and its stamp (ns)."""
+        newest = self.find(self.odom_frame, self.base_frame)
+        if newest is None or stamp in (0, newest[1]):
+            return newest
+        return self.find(self.odom_frame, self.base_frame, stamp) or newest
 
     def known_pose(self) -> Pose2 | None:
         """The base in `map` as the transforms say, or as a localiser of before has left it."""
-        found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
+        found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose()
         left = self._transforms.left.get(self.robot_id)
         if found is not None:
             return found[0]
-        return None if left is None or odom is None else left.compose(odom)
+        return None if left is None or odom is None else left.compose(odom[0])
 
     def planning_scan(self) -> Scan | None:
         """The newest scan as planning takes it; None if there is none, or if it cannot be used (`scan_problem`)."""
@@ -112,17 +125,6 @@ class Inputs:
             return None
         sensor = Pose2(*laser, 0.0)
         return Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, sensor)
-
-    def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
-        """The other ones of these robots whose place in `map` is known and not old."""
-        found, others = [], sorted({*robots} - {self.robot_id})
-        frames = tuple(names.robot_frame(robot_id, names.BASE_FOOTPRINT) for robot_id in others)
-        poses, stamps = self._transforms.find_poses2(names.MAP_FRAME, frames)
-        for row, robot_id in enumerate(others):
-            if now - stamps[row] <= OLD:
-                radius = self._bases.get(robot_id, DEFAULT_BASE).radius
-                found.append(Teammate(poses[4 * row], poses[4 * row + 1], radius))
-        return found
 
     def is_held(self, now: int) -> str:
         """Why the robot does not obey navigation at time `now` (ns); empty if it does, as far as is known."""

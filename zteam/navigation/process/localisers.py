@@ -89,7 +89,7 @@ class FakeLocaliser(Localiser):
             pose.y + options.delta_y + options.noise_xy * float(draws[1]),
             pose.yaw + options.delta_yaw + options.noise_yaw * float(draws[2]),
         )
-        self.map_from_odom = self.pose.compose(odom.inverse())
+        self.map_from_odom = self.pose.compose(odom[0].inverse())
         self.updated, self.problem = True, ""
 
 
@@ -112,22 +112,20 @@ class AmclLocaliser(Localiser):
             self.problem = f"its place is not known: publish it on {key}"
             return
         stamp = inputs.stamp(names.BASE_SCAN)
-        odom = inputs.odom_pose(stamp)
-        if scan is None or odom is None:
+        newest = inputs.odom_pose()
+        if scan is None or newest is None:
             self.problem = "no odometry" if scan is not None else inputs.scan_problem or "no scan to localise by"
             return
-        moved = inputs.find(inputs.odom_frame, inputs.base_frame)
-        self.is_outdated = moved is not None and 0 < moved[1] < now - OLD
+        self.is_outdated = 0 < newest[1] < now - OLD
         if self.is_outdated:
             self.problem = f"no transforms from {inputs.odom_frame} to {inputs.base_frame} for {OLD / 1e9:g} s"
             return
         if now - stamp <= OLD:
+            odom, _ = newest if newest[1] == stamp else inputs.odom_pose(stamp) or newest
             here = self._amcl.pose if self.map_from_odom is None else self.map_from_odom.compose(odom)
-            near = seen_from(here, teammates)
-            self.updated = self._amcl.update(odom, scan, near)
+            self.updated = self._amcl.update(odom, scan, seen_from(here, teammates))
         self.map_from_odom = self._amcl.map_from_odom
-        newest = inputs.odom_pose(0)
-        self.pose = self.map_from_odom.compose(newest if newest is not None else odom)
+        self.pose = self.map_from_odom.compose(newest[0])
         self.covariance = self._amcl.covariance
         wide = math.sqrt(max(0.0, self.covariance[0, 0], self.covariance[1, 1]))
         self.problem = f"it is lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""

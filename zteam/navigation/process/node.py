@@ -141,8 +141,8 @@ class NavigationNode:
             waited, self._waited = self._waited, (now - self._stepped) / 1e9
             self._tick_length = min(1.0, waited, self._waited)
         self._stepped = now
-        team = sorted(self._bases)
         was_paused = self._pauses.take(now, self._tick_length, in_lockstep=self._node.ticks_tell_time)
+        team = self._transforms.find_robots(now, self._bases)
         for robot in self._robots.values():
             if was_paused:
                 robot.navigator.rest()

@@ -1,6 +1,6 @@
 """The navigation of one robot: its inputs, localiser, costmaps and navigator, step by step."""
 
-from collections.abc import Collection
+from collections.abc import Mapping
 
 from zteam import names
 from zteam.errors import log
@@ -10,6 +10,7 @@ from zteam.messages.planar import goal_in_map, is_finite, planar
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
+from zteam.navigation.planning.scans import Teammate
 from zteam.navigation.process.costmaps import Costmaps, Situation
 from zteam.navigation.process.inputs import OLD, Inputs
 from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
@@ -66,8 +67,8 @@ class RobotNavigation:
         self._take_goal()
         return self.navigator.cancel()
 
-    def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
-        """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
+    def step(self, now: int, seconds: float, robots: Mapping[int, Teammate]) -> None:
+        """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team, this one too."""
         self._take_initial_pose()
         self._take_goal()
         here = self._localise(now, seconds, robots)
@@ -105,13 +106,13 @@ class RobotNavigation:
                 # A status with numbers that are not finite would be dropped.
                 self.navigator.refuse(message if is_finite(message.pose) else PoseStamped(message.header), goal)
 
-    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Situation | None:
+    def _localise(self, now: int, seconds: float, robots: Mapping[int, Teammate]) -> Situation | None:
         """What the robot sees, and from where; None if it does not know where it is."""
         localiser = self._localiser
         if localiser is None:
             return None
         scan = self.inputs.planning_scan()
-        teammates = self.inputs.teammates(now, robots)
+        teammates = [mate for robot_id, mate in robots.items() if robot_id != self.inputs.robot_id]
         localiser.step(now, self.inputs, scan, teammates)
         # What is published in this tick counts in the next one, and must hold there.
         self.outputs.localise(now, round(seconds * 1e9), localiser)
@@ -120,9 +121,9 @@ class RobotNavigation:
             return None
         map_from_odom = localiser.map_from_odom
         if map_from_odom is None:
-            odom = self.inputs.odom_pose(0)
+            odom = self.inputs.odom_pose()
             # Without odometry in the transforms, what lasers have seen stays where it is in `map`.
-            map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom.inverse())
+            map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom[0].inverse())
         fresh = now - self.inputs.stamp(names.BASE_SCAN) <= OLD
         status = self.inputs.newest.get(names.STATUS)
         is_stopped = status is not None and bool(status.reason)

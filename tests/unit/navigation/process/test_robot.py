@@ -114,7 +114,7 @@ class Robot:
                 self.inputs.newest[names.BASE_SCAN] = LaserScan(
                     Header(time_from_ns(self.now), "base_laser_link"), -1.0, 1.0, 0.2, 0.0, 0.1, 0.0, 30.0, ranges
                 )
-            self.robot.step(self.now, 0.1, [0])
+            self.robot.step(self.now, 0.1, {})
         return self.outputs.velocity
 
     def go(self, x: float, y: float = 0.0) -> None:
@@ -210,7 +210,7 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
             ranges = np.full(1, 1.4, np.float32)
             header = Header(stamp, "base_laser_link")
             robot.inputs.newest[names.BASE_SCAN] = LaserScan(header, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0, ranges)
-        robot.robot.step(tick * TICK, 0.1, [0])
+        robot.robot.step(tick * TICK, 0.1, {})
         robot.inputs.newest.clear()
     assert robot.robot._costmaps is not None
     local = robot.robot._costmaps.local
