@@ -1,8 +1,8 @@
 """The planner against Dijkstra, against all lines, and against small steps."""
 
 import heapq
-import itertools
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from studies.navigation.ways import cost_of, length_of, plain_field
 from support import planning_references
 from support.examples import examples
 from support.planning_cases import random_cells, seeds, shares
-from zteam.kernels.navigation import measure_lines, shift_points, shorten
+from zteam.kernels.navigation import lay_path, measure_lines, straighten
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
 from zteam.navigation.planning.planner import Field
 
@@ -103,19 +103,32 @@ def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> Non
 
 
 @examples(30)
-@given(seeds, shares, st.integers(1, 5), st.integers(0, 30))
-def test_lines_shorten_a_way_as_if_all_of_them_were_tried(seed: int, share: float, stride: int, reach: int) -> None:
-    """On ways at random, some of them through blocked cells; the same costs to the bit."""
+@given(seeds, shares, st.integers(1, 5), st.integers(0, 30), st.integers(2, 20))
+def test_a_way_is_straightened_as_if_all_lines_were_tried(
+    seed: int, share: float, stride: int, reach: int, spacing: int
+) -> None:
+    """On ways at random, some of them through blocked cells; the same corners."""
     rng = np.random.default_rng(seed)
     weights = rng.integers(1, 255, (20, 23)).astype(np.uint8)
     weights[rng.random(weights.shape) < 0.2 * share] = 0
     way = np.clip(np.cumsum(rng.integers(-1, 2, (40, 2)), axis=0) + 10, 0, 19)
-    best, before = shorten(weights, way, stride, reach, float(weights[weights > 0].min()))
-    expected, places = planning_references.shorten(weights, way, stride, reach)
-    assert best.tolist() == expected
-    assert [b for b, cost in zip(before.tolist(), expected, strict=True) if math.isfinite(cost)] == [
-        b for b, cost in zip(places, expected, strict=True) if math.isfinite(cost)
-    ]
+    corners = straighten(weights, way, stride, reach, spacing, int(weights[weights > 0].min()))
+    expected = planning_references.straighten(weights, way, stride, reach, spacing)
+    assert corners.tolist() == expected.tolist()
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6), st.floats(0.03, 3.0))
+def test_a_path_leads_along_its_lines(corners: list[tuple[float, float]], spacing: float) -> None:
+    """Through each corner, in equal steps, facing the next pose, and it ends with the heading that is asked for."""
+    path = lay_path(np.array([*corners, corners[-1]]), 0.7, spacing)
+    assert (path[0, :2].tolist(), path[-1].tolist()) == (pytest.approx(corners[0]), [*corners[-1], 0.7])
+    assert all(np.abs(path[:, :2] - corner).max(axis=1).min() <= 1e-9 for corner in corners)
+    for (x, y, yaw), (to_x, to_y, _) in pairwise(path.tolist()):
+        away = math.dist((x, y), (to_x, to_y))
+        assert 0.0 < away <= spacing * (1.0 + 1e-6)
+        assert (to_x - x, to_y - y) == pytest.approx((away * math.cos(yaw), away * math.sin(yaw)), abs=1e-9)
+    total = sum(max(1, math.ceil(math.dist(a, b) / spacing)) for a, b in pairwise(corners) if math.dist(a, b) > 2e-9)
+    assert len(path) <= total + 1
 
 
 @examples(30)
@@ -138,21 +151,3 @@ def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
         elif (passed > 0).all():
             # Through a corner between two cells, one of which is blocked.
             assert abs(x1 - x0) and abs(y1 - y0)
-
-
-@examples(20)
-@given(seeds, st.integers(1, 4), st.integers(1, 3))
-def test_points_move_aside_to_the_cheapest_places(seed: int, count: int, width: int) -> None:
-    """No other choice of places costs less, and the ends stay."""
-    rng = np.random.default_rng(seed)
-    weights, points = rng.integers(1, 100, (12, 15), np.uint8), rng.integers(0, (15, 12), (count, 2))
-    beside = [[point] for point in points]
-    for i in range(1, count - 1):
-        along = points[i + 1] - points[i - 1]
-        aside = np.array((-along[1], along[0])) / max(np.hypot(*along), 1e-9)
-        moved = [points[i] + np.rint(aside * side * width).astype(np.int64) for side in range(-3, 4)]
-        beside[i] = [np.clip(place, 0, (14, 11)) for place in moved]
-    costs = [measure_lines(weights, way[:-1], way[1:]).sum() for way in map(np.array, itertools.product(*beside))]
-    way = shift_points(weights, points, width)
-    assert np.array_equal(way[[0, -1]], points[[0, -1]])
-    assert measure_lines(weights, way[:-1], way[1:]).sum() == pytest.approx(min(costs))

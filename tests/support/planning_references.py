@@ -1,7 +1,7 @@
 """What kernels of planning are to give, found slowly and plainly."""
 
 import math
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -48,6 +48,45 @@ def shorten(weights: np.ndarray, way: np.ndarray, stride: int, reach: int) -> tu
         best.append(min(costs))
         before.append(starts[costs.index(min(costs))])
     return best, before
+
+
+def straighten(weights: np.ndarray, way: np.ndarray, stride: int, reach: int, spacing: int) -> np.ndarray:
+    """The corners of a way of straight lines, step by step."""
+
+    def join(points: np.ndarray, stride: int, reach: int) -> tuple[np.ndarray, float]:
+        best, before = shorten(weights, points, stride, reach)
+        found = [len(points) - 1]
+        while before[found[-1]] >= 0:
+            found.append(before[found[-1]])
+        corners = points[found[::-1]]
+        corners = corners[[True, *np.diff(corners, axis=0).any(axis=1)]]
+        to, on = np.diff(corners, axis=0)[:-1], np.diff(corners, axis=0)[1:]
+        turns = (to[:, 0] * on[:, 1] != to[:, 1] * on[:, 0]) | ((to * on).sum(axis=1) < 0)
+        return corners[[True, *turns, True][: len(corners)]], best[-1]
+
+    def space_out(corners: np.ndarray) -> np.ndarray:
+        lines = [np.linspace(a, b, max(1, math.ceil(math.dist(a, b) / spacing)), False) for a, b in pairwise(corners)]
+        return np.rint(np.concatenate((*lines, corners[-1:]))).astype(int)
+
+    def shift(points: np.ndarray, width: int) -> np.ndarray:
+        along = np.pad(points[2:] - points[:-2], ((1, len(points) > 1), (0, 0))).astype(float)[: len(points)]
+        left = along[:, ::-1] * (-1, 1) / np.maximum(np.sqrt((along**2).sum(axis=1)), 1e-9)[:, None]
+        sides = points[:, None] + np.rint(left[:, None] * width * np.arange(-3, 4)[:, None]).astype(int)
+        sides = np.clip(sides, 0, np.array(weights.shape)[::-1] - 1)
+        ways = [(0.0, [place]) for place in sides[0]]
+        for places in sides[1:]:
+            lines = [measure_lines(weights, np.array([way[-1] for _, way in ways]), np.tile(to, (7, 1))) for to in places]
+            costs = [[cost + more for (cost, _), more in zip(ways, line.tolist(), strict=True)] for line in lines]
+            chosen = [row.index(min(row)) for row in costs]
+            ways = [(row[k], [*ways[k][1], to]) for row, k, to in zip(costs, chosen, places, strict=True)]
+        return np.array(ways[0][1])
+
+    corners, cost = join(way, stride, reach)
+    points = corners
+    for width in (4, 2, 1):
+        points = shift(space_out(points), width)
+    moved, moved_cost = join(points, 1, reach // spacing)
+    return moved if moved_cost < cost else corners
 
 
 def sum_values(values: np.ndarray, place: tuple[float, ...], pose: Pose2, beams: np.ndarray) -> int:

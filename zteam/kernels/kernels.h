@@ -138,10 +138,10 @@ int64_t trace(const uint8_t *weights, int64_t columns, int64_t start, int64_t go
               const uint32_t *costs, int64_t *out, int64_t room);
 void measure_lines(const uint8_t *weights, int64_t columns, const int64_t *begins, const int64_t *ends, int64_t count,
                    double *out);
-void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
-                  double width, double *best, int64_t *before, int64_t *moved);
-void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
-             double least, double *best, int64_t *before);
+int64_t straighten(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *way, int64_t count,
+                   int64_t stride, int64_t reach, int64_t spacing, double least, double *best, int64_t *before,
+                   int64_t *spaced, int64_t *moved, int64_t *out);
+int64_t lay_path(const double *points, int64_t count, double yaw, double spacing, double *out);
 
 /* A map's likelihoods, with a border of one cell, and where the map lies. */
 typedef struct {

@@ -203,31 +203,31 @@ def measure_lines(weights: Bytes, begins: Cells, ends: Cells) -> Floats:
     return out
 
 
-def shift_points(weights: Bytes, points: Cells, width: int) -> Cells:
-    """The cheapest way through one place for each of `points` (n, 2; column, row) but the first and the last: itself or
-    up to three widths (cells) to its side. `weights` and costs are as for `measure_lines`. Raises ValueError."""
-    grid, rows, columns = _grid("weights", weights)
-    count, moved = len(points), empty(np.int64, len(points), 2)
-    work = empty(np.float64, count, 7)[1], empty(np.int64, count, 7)[1]
-    lib.shift_points(grid, rows, columns, _points("points", points, weights), count, width, *work, moved[1])
-    return moved[0]
+def straighten(weights: Bytes, way: Cells, stride: int, reach: int, spacing: int, least: float) -> Cells:
+    """The corners of lines (m, 2) that cost no more than `way` (n, 2; column, row), each cell a neighbour of the one
+    before. `weights` and costs are as for `measure_lines`; `least` is the least weight other than 0.
 
-
-def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -> tuple[Floats, Cells]:
-    """The cheapest way along lines between cells of `way` (n, 2; column, row), each a neighbour of the one before.
-
-    Lines join every `stride`th cell, and the last, to such cells up to `reach` cells before. Return what the way to
-    each cell costs (n), and the index of the cell from which its last line comes (n), -1 for the first. `least` is the
-    least of `weights` (rows, columns) other than 0. Raises ValueError.
+    First the cheapest way along lines that join every `stride`th cell, and the last, to such cells up to `reach` cells
+    before. Then points on it, up to `spacing` cells apart, move to the side, where that is cheaper. Raises ValueError.
     """
-    grid, _, columns = _grid("weights", weights)
-    count = len(way)
-    if not count or stride < 1 or reach < 0:
-        raise ValueError(f"way, stride, reach: {count} cells, {stride}, {reach}")
-    best, made = empty(np.float64, count)
-    before, places = empty(np.int64, count)
-    lib.shorten(grid, columns, _points("way", way, weights), count, stride, reach, least, made, places)
-    return best, before
+    grid, count = _grid("weights", weights), len(way)
+    if not count or stride < 1 or reach < 0 or spacing < 1:
+        raise ValueError(f"way, stride, reach, spacing: {count} cells, {stride}, {reach}, {spacing}")
+    # Points move by up to 12 cells to a side, then by 6, then by 3; between those that are far apart then come others.
+    room = count * (2 + 27 // spacing) * (2 + 15 // spacing)
+    (out, made), (_, spaced), (_, moved) = (empty(np.int64, room, 2) for _ in range(3))
+    work = empty(np.float64, room, 7)[1], empty(np.int64, room, 7)[1], spaced, moved
+    return out[: lib.straighten(*grid, _points("way", way, weights), count, stride, reach, spacing, least, *work, made)]
+
+
+def lay_path(points: Floats, yaw: float, spacing: float) -> Floats:
+    """Poses (n, 3) along lines between `points` (m, 2), up to `spacing` apart, to face the next; the last has `yaw`."""
+    given = memory("points", points, len(points), 2), len(points), yaw, spacing
+    if not np.abs(np.diff(points, axis=0)).max(initial=0.0) < spacing * (1 << 24):
+        raise ValueError("points: they are not finite, or too far apart")
+    out, made = empty(np.float64, lib.lay_path(*given, ffi.NULL), 3)
+    lib.lay_path(*given, made)
+    return out
 
 
 # particles.c: localisation

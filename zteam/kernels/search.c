@@ -2,7 +2,9 @@
    Costs are whole numbers, so they do not depend on the order in which cells are visited. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include "kernels.h"
+#include "sines.h"
 
 #define LEAST(a, b) ((a) < (b) ? (a) : (b))
 #define MOST(a, b) ((a) > (b) ? (a) : (b))
@@ -196,7 +198,7 @@ static void place_beside(const int64_t *points, int64_t count, int64_t i, double
 
 /* Write the cheapest way through one place beside each point of a way (count, 2: column, row): itself, or up to 3 widths
    to a side. Dynamic programming; `best` and `before` have room for SIDES a point. */
-void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
+static void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
                   double width, double *best, int64_t *before, int64_t *moved)
 {
     int64_t side = 0;
@@ -223,7 +225,7 @@ void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const i
 
 /* Find the cheapest way along lines that join every `stride`th cell of a way, and the last, to such cells up to `reach`
    cells before: dynamic programming. `best` becomes what the way to each cell costs, `before` where its line begins. */
-void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
+static void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
              double least, double *best, int64_t *before)
 {
     best[0] = 0.0, before[0] = -1;
@@ -243,4 +245,90 @@ void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_
                 best[i] = cost, before[i] = j;
         }
     }
+}
+
+/* Write the corners of the way that `shorten` finds; return how many they are. */
+static int64_t join(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride,
+                    int64_t reach, double least, double *best, int64_t *before, int64_t *out)
+{
+    int64_t corners = 0, different = 1, made = 1;
+    shorten(weights, columns, way, count, stride, reach, least, best, before);
+    for (int64_t i = count - 1; i >= 0; i = before[i])
+        corners++;
+    for (int64_t i = count - 1, k = corners; i >= 0; i = before[i])
+        k--, out[2 * k] = way[2 * i], out[2 * k + 1] = way[2 * i + 1];
+    for (int64_t i = 1; i < corners; i++)
+        if (out[2 * i] != out[2 * i - 2] || out[2 * i + 1] != out[2 * i - 1])
+            out[2 * different] = out[2 * i], out[2 * different + 1] = out[2 * i + 1], different++;
+    /* Without the points at which it does not turn. */
+    int64_t x = out[0], y = out[1];
+    for (int64_t i = 1; i < different; i++) {
+        const int64_t to_x = out[2 * i] - x, to_y = out[2 * i + 1] - y;
+        x += to_x, y += to_y;
+        const int64_t on_x = i < different - 1 ? out[2 * i + 2] - x : -to_x;
+        const int64_t on_y = i < different - 1 ? out[2 * i + 3] - y : -to_y;
+        if (to_x * on_y != to_y * on_x || to_x * on_x + to_y * on_y < 0)
+            out[2 * made] = x, out[2 * made + 1] = y, made++;
+    }
+    return made;
+}
+
+/* Write corners, and points on the lines between them, at most `spacing` cells apart; return how many there are. */
+static int64_t space_out(const int64_t *corners, int64_t count, double spacing, int64_t *out)
+{
+    int64_t made = 0;
+    for (int64_t i = 0; i < count; i++) {
+        const int64_t *from = corners + 2 * i, *to = i < count - 1 ? from + 2 : from;
+        const double dx = (double)(to[0] - from[0]), dy = (double)(to[1] - from[1]);
+        const int64_t parts = MOST(-(int64_t)floor(-sqrt(dx * dx + dy * dy) / spacing), 1);
+        for (int64_t k = 0; k < parts; k++, made++)
+            out[2 * made] = (int64_t)rint((double)from[0] + dx * ((double)k / (double)parts)),
+            out[2 * made + 1] = (int64_t)rint((double)from[1] + dy * ((double)k / (double)parts));
+    }
+    return made;
+}
+
+/* Write the corners of straight lines that cost no more than a way from cell to cell (count, 2: column, row); return how
+   many they are. First the cheapest way along lines between every `stride`th of its cells; then points on it, `spacing`
+   cells apart, move to the side where that is cheaper, less far each time. All other arrays have `room`. */
+int64_t straighten(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *way, int64_t count,
+                   int64_t stride, int64_t reach, int64_t spacing, double least, double *best, int64_t *before,
+                   int64_t *spaced, int64_t *moved, int64_t *out)
+{
+    const double widths[] = {4.0, 2.0, 1.0};
+    const int64_t corners = join(weights, columns, way, count, stride, reach, least, best, before, out);
+    const double cost = best[count - 1];
+    int64_t points = corners;
+    memcpy(moved, out, (size_t)(2 * corners) * sizeof *out);
+    for (int i = 0; i < 3; i++) {
+        points = space_out(moved, points, (double)spacing, spaced);
+        shift_points(weights, rows, columns, spaced, points, widths[i], best, before, moved);
+    }
+    const int64_t fewer = join(weights, columns, moved, points, 1, reach / spacing, least, best, before, spaced);
+    if (!(best[points - 1] < cost))
+        return corners;
+    memcpy(out, spaced, (size_t)(2 * fewer) * sizeof *out);
+    return fewer;
+}
+
+/* Write poses (x, y, yaw) along lines between points (count, 2), up to `spacing` apart, that face the next one; the last
+   has `yaw`. Return how many there are; without `out`, only that. */
+int64_t lay_path(const double *points, int64_t count, double yaw, double spacing, double *out)
+{
+    int64_t made = 0;
+    for (int64_t i = 0; i < count; i++) {
+        const double *from = points + 2 * i, dx = i < count - 1 ? from[2] - from[0] : 0.0;
+        const double dy = i < count - 1 ? from[3] - from[1] : 0.0;
+        /* Points in the same place are one. */
+        if (i < count - 1 && !(fabs(dx) > 1e-9 || fabs(dy) > 1e-9))
+            continue;
+        const int64_t parts = MOST(-(int64_t)floor(-sqrt(dx * dx + dy * dy) / spacing), 1);
+        for (int64_t k = 0; k < parts; k++, made++)
+            if (out) {
+                const double share = (double)k / (double)parts;
+                out[3 * made] = from[0] + share * dx, out[3 * made + 1] = from[1] + share * dy;
+                out[3 * made + 2] = i < count - 1 ? angle_of(dx, dy) : yaw;
+            }
+    }
+    return made;
 }

@@ -33,9 +33,6 @@ ESCAPE = 0.5
 """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
 _SPACING = 20
 """Cells between the points that move to the side."""
-_WIDTHS = (4, 2, 1)
-"""Cells that they move at a time."""
-"""Times that width, to either side."""
 
 
 class NoPathError(ZteamError):
@@ -79,8 +76,10 @@ class Field:
 
     def is_free(self, row: int, column: int) -> bool:
         """Whether a cell can be entered; one outside cannot."""
-        rows, columns = self.shape
-        return 0 <= row < rows and 0 <= column < columns and bool(self.weights[row + 1, column + 1])
+        return self.holds(row, column) and bool(self.weights[row + 1, column + 1])
+
+    def holds(self, row: int, column: int) -> bool:
+        return 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
 
     def nearest_free(self, cell: tuple[int, int], tolerance: float) -> tuple[int, int] | None:
         """The cell (row, column) nearest to this one that can be entered, up to `tolerance` cells from it."""
@@ -113,6 +112,8 @@ class Field:
 
     def _nearest(self, cells: NDArray[Any], nothing: int, goal: tuple[int, int], tolerance: float) -> int | None:
         """The index of the cell other than `nothing` that is nearest to the goal, up to `tolerance` cells from it."""
+        if self.holds(*goal) and cells[goal[0] + 1, goal[1] + 1] != nothing:
+            return (goal[0] + 1) * cells.shape[1] + goal[1] + 1
         reach = int(tolerance)
         low, left = max(0, goal[0] + 1 - reach), max(0, goal[1] + 1 - reach)
         part = cells[low : max(0, goal[0] + 2 + reach), left : max(0, goal[1] + 2 + reach)]
@@ -127,12 +128,7 @@ class Field:
         """The corners of a way of straight lines (n, 2) that costs no more than a way from cell to cell."""
         if len(way) < 3:
             return way
-        corners, cost = _join(self.weights, way + 1, STRIDE, REACH, self.steps.least)
-        points = corners
-        for width in _WIDTHS:
-            points = kernels.shift_points(self.weights, _space_out(points), width)
-        moved, moved_cost = _join(self.weights, points, 1, REACH // _SPACING, self.steps.least)
-        return (moved if moved_cost < cost else corners) - 1
+        return kernels.straighten(self.weights, way + 1, STRIDE, REACH, _SPACING, self.steps.least) - 1
 
 
 class AStarOptions(CheckedOptions, frozen=True):
@@ -183,7 +179,7 @@ class AStarPlanner:
         if reached:
             points = np.concatenate((points[:-1] if len(points) > 1 else points, [[goal.x, goal.y]]))
         missing = 0.0 if reached else math.dist(points[-1], (goal.x, goal.y))
-        path = make_path(points, goal.yaw, frame.resolution)
+        path = kernels.lay_path(points, goal.yaw, frame.resolution)
         return Plan(path, float(np.hypot(*np.diff(points, axis=0).T).sum()), missing)
 
     def prepare(self, costmap: Costmap) -> Field:
@@ -198,52 +194,3 @@ class AStarPlanner:
         barred = min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
         self._field.set_costs(costmap.costs, allow_unknown=self.options.allow_unknown, barred=barred)
         return self._field
-
-
-def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
-    """Poses (n, 3) along lines between points (n, 2), up to `spacing` m apart, to face the next; the last has `yaw`."""
-    points = np.asarray(points, np.float64)
-    points = points[np.concatenate(([True], (np.abs(np.diff(points, axis=0)) > 1e-9).any(axis=1)))]
-    delta = np.diff(points, axis=0)
-    lengths = np.hypot(delta[:, 0], delta[:, 1])
-    counts = np.maximum(1, np.ceil(lengths / spacing)).astype(np.int64)
-    line, share = _spread(counts)
-    path = np.empty((len(line) + 1, 3))
-    path[:-1, :2] = points[line] + share[:, None] * delta[line]
-    path[:-1, 2] = np.arctan2(delta[line, 1], delta[line, 0])
-    path[-1] = points[-1, 0], points[-1, 1], yaw
-    return path
-
-
-def _spread(counts: Cells) -> tuple[Cells, Floats]:
-    """Of points along lines, so many on each: the line, and how far along it each point is (0 to 1)."""
-    line = np.repeat(np.arange(len(counts)), counts)
-    return line, (np.arange(len(line)) - (np.cumsum(counts) - counts)[line]) / counts[line]
-
-
-def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
-    """The corners of the cheapest way along lines between points of `way`, and its cost."""
-    best, before = kernels.shorten(weights, way, stride, reach, float(least))
-    found = [len(way) - 1]
-    while before[found[-1]] >= 0:
-        found.append(int(before[found[-1]]))
-    return _drop_straight(way[found[::-1]]), float(best[-1])
-
-
-def _drop_straight(corners: Cells) -> Cells:
-    """Without the points at which the way does not turn."""
-    moved = (corners[1:] != corners[:-1]).any(axis=1)
-    corners = corners[np.concatenate(([True], moved))]
-    if len(corners) < 3:
-        return corners
-    to, on = corners[1:-1] - corners[:-2], corners[2:] - corners[1:-1]
-    turns = (to[:, 0] * on[:, 1] != to[:, 1] * on[:, 0]) | ((to * on).sum(axis=1) < 0)
-    return corners[np.concatenate(([True], turns, [True]))]
-
-
-def _space_out(corners: Cells) -> Cells:
-    """The corners, with points on the lines between them, at most _SPACING cells apart."""
-    delta = np.diff(corners, axis=0)
-    line, share = _spread(np.maximum(1, np.ceil(np.hypot(*delta.T) / _SPACING)).astype(np.int64))
-    points = np.rint(corners[line] + delta[line] * share[:, None]).astype(np.int64)
-    return np.concatenate((points, corners[-1:]))

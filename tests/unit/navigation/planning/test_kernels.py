@@ -50,9 +50,13 @@ REFUSED: dict[str, list[Callable[[], object]]] = {
         lambda: navigation.search(WEIGHTS, 48, 10, STEPS, REACHED.copy()),
     ],
     "way": [
-        lambda: navigation.shorten(WEIGHTS, NOWHERE, 1, 3, 1.0),
-        lambda: navigation.shorten(WEIGHTS, WALK, 0, 3, 1.0),
-        lambda: navigation.shorten(WEIGHTS, -WALK, 1, 3, 1.0),
+        lambda: navigation.straighten(WEIGHTS, NOWHERE, 1, 3, 2, 1.0),
+        lambda: navigation.straighten(WEIGHTS, WALK, 0, 3, 2, 1.0),
+        lambda: navigation.straighten(WEIGHTS, -WALK, 1, 3, 2, 1.0),
+    ],
+    "points": [
+        lambda: navigation.lay_path(WALK * np.nan, 0.0, 0.1),
+        lambda: navigation.lay_path(WALK * 1e9, 0.0, 0.1),
     ],
     "neutral": [lambda: navigation.weigh_cells(COSTS, 50, -1, 253, 0, np.zeros((8, 10), np.uint8))],
     "values": [
