@@ -4,13 +4,13 @@ import math
 from itertools import product
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from support.examples import examples
 from support.planning_cases import seeds
 from zteam.geometry import Pose2, Velocity
-from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, time_to_collision
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, place
 from zteam.planning import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, make_map
@@ -107,16 +107,17 @@ def test_the_time_to_a_collision_is_that_of_small_steps(seed: int, outline: obje
         # It keeps a twentieth of a cell, and cells that it merely comes near to count as well.
         near = make_footprint(costmap.footprint.corners, 0.006)
         wide = Costmap(costmap.frame, near)
-        wide.costs = costmap.costs
+        wide.costs[:] = costmap.costs
         assert not touched_at_all(wide, drive(pose, velocity, found + 0.03)) <= at_first
 
 
 def test_outside_of_the_grid_is_lethal() -> None:
-    """A robot on the edge of the map touches what is beyond, and so does one that is nowhere, or gets there."""
-    costs = np.zeros((10, 10), np.uint8)
-    corners = make_circle(0.2).corners / 0.05
-    assert find_hit(costs, corners, 5.0, 5.0, 0.0, np.zeros(3), 0) == -1
-    assert find_hit(costs, corners, 2.0, 5.0, 0.0, np.zeros(3), 0) == 0
+    """A robot that drives off the map touches what is beyond, and so does one that is nowhere, or gets there."""
+    costmap = make_costmap(make_map(np.zeros((20, 20), np.int8), 0.05), make_circle(0.2))
+    here, ahead = Pose2(0.5, 0.5, 0.0), Velocity(0.1)
+    assert time_to_collision(costmap, here, ahead, 2.9) == math.inf
+    assert time_to_collision(costmap, here, ahead, 3.1) == pytest.approx(2.96, abs=0.06)
+    assert time_to_collision(costmap, here, Velocity(), 9.0) == math.inf
     for lost in (math.nan, math.inf, -1e300):
-        assert find_hit(costs, corners, lost, 5.0, 0.0, np.zeros(3), 0) == 0
-        assert find_hit(costs, corners, 5.0, 5.0, 0.0, np.array((0.0, lost, 0.0)), 3) == 1
+        assert time_to_collision(costmap, here._replace(x=lost), ahead, 1.0) <= 0.0
+        assert time_to_collision(costmap, here, Velocity(0.0, lost), 1.0) == 0.0

@@ -11,9 +11,20 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2, in_polygon
-from zteam.kernels.navigation import fill_disc, fill_outline, inflate, observe
-from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
-from zteam.planning import CostmapOptions, GridGeometry, make_circle, make_costmap, make_map
+from zteam.kernels.navigation import Layers, find_ends
+from zteam.messages.laser import read_ranges
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost, place
+from zteam.planning import (
+    Costmap,
+    CostmapOptions,
+    GridGeometry,
+    Scan,
+    Teammate,
+    make_circle,
+    make_costmap,
+    make_footprint,
+    make_map,
+)
 
 
 @examples(30)
@@ -48,54 +59,92 @@ def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int, 
     costs[rng.random(costs.shape) < 0.1] = NO_INFORMATION
     table = np.sort(rng.integers(0, 254, (reach + 1) ** 2 + 1))[::-1].astype(np.uint8)
     table[0], table[-1] = LETHAL_OBSTACLE, 0
-    whole = planning_references.inflate(costs, table, reach, unknown_from)
-    r0, c0 = (int(rng.integers(0, size + 1)) for size in costs.shape)
-    r1, c1 = (int(rng.integers(low, size + 1)) for low, size in zip((r0, c0), costs.shape, strict=True))
-    part = np.full_like(costs, 7)
-    inflate(costs, table, reach, (r0, r1, c0, c1), unknown_from, part)
+    layers = Layers(costs.shape, np.zeros((3, 2)), 0.0, table, unknown_from)
+    layers.fixed[:] = rng.choice((0, 100, NO_INFORMATION), costs.shape)
+    layers.seen[:] = costs
+    joined = np.where(costs == 255, layers.fixed, np.where(layers.fixed == 255, costs, np.maximum(layers.fixed, costs)))
+    whole = planning_references.inflate(joined, table, reach, unknown_from)
+    assert layers.update(()) == (0, costs.shape[0], 0, costs.shape[1])
+    assert np.array_equal(layers.base, joined)
+    assert np.array_equal(layers.costs, whole)
+    assert layers.update(()) is None
+    layers.costs[:] = 7
+    x, y, radius = rng.uniform(-4.0, 28.0, 2).tolist() + [float(rng.uniform(0.0, 6.0))]
+    layers.change((x, y, radius))
+    window = layers.update(())
     expected = np.full_like(costs, 7)
-    expected[r0:r1, c0:c1] = whole[r0:r1, c0:c1]
-    assert np.array_equal(part, expected)
+    if window is not None:
+        r0, r1, c0, c1 = window
+        expected[r0:r1, c0:c1] = whole[r0:r1, c0:c1]
+    assert np.array_equal(layers.costs, expected)
+    for row, column in np.ndindex(costs.shape):
+        if math.dist((column + 0.5, row + 0.5), (x, y)) <= radius:
+            near = slice(max(0, row - reach), row + reach + 1), slice(max(0, column - reach), column + reach + 1)
+            assert np.array_equal(layers.costs[near], whole[near])
 
 
 @examples(30)
-@given(seeds, st.integers(0, 30), st.integers(0, 2))
-def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, mates: int) -> None:
+@given(seeds, st.integers(0, 30), st.integers(0, 40), st.integers(0, 2))
+def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, wanted: int, mates: int) -> None:
     """Wherever the sensor and the ends lie, on the grid or beside it; what is met on a teammate is not marked."""
     rng = np.random.default_rng(seed)
-    ends, met, others = rng.integers(-5, 25, (beams, 2)), rng.random(beams) < 0.5, rng.uniform(0.0, 20.0, (mates, 3))
-    laser = rng.integers(-2, 22, 2)
-    costs = np.full((20, 18), NO_INFORMATION, np.uint8)
-    expected, frame = costs.copy(), (0.0, 0.0, 1.0, 0.0, 1.0)
-    low, high, left, right = observe(
-        costs, frame, (laser + 0.5).tolist(), ends + 0.5, met, others.tolist(), (math.inf, math.inf, 0.0)
-    )
-    marked = met & (np.hypot(*(ends[:, None] + 0.5 - others[:, :2]).T) > others[:, 2:]).all(axis=0)
-    planning_references.trace_beams(expected, *laser.tolist(), ends, ends[marked])
-    assert np.array_equal(costs, expected)
-    assert all(left <= column < right and low <= row < high for column, row in (laser.tolist(), *ends.tolist()))
+    ranges = rng.uniform(0.0, 12.0, beams).astype(np.float32)
+    ranges[rng.random(beams) < 0.3] = rng.choice((np.nan, np.inf, -np.inf, 0.0, 40.0))
+    sensor, base, origin = (Pose2(*(rng.uniform(-1, 1, 3) * (size, size, 3.0)).tolist()) for size in (0.5, 12.0, 4.0))
+    scan = Scan(ranges, float(rng.uniform(-3, 0)), 0.11, 0.3, 11.0, sensor)
+    others = [Teammate(*rng.uniform(-9.0, 9.0, 2).tolist(), float(rng.uniform(0.0, 3.0))) for _ in range(mates)]
+    laser, far, clears, margin = base.compose(sensor), 8.0, float(rng.uniform(0.0, 8.0)), 0.2
+
+    def end(i: int, length: float) -> tuple[float, float]:
+        angle = laser.yaw + scan.angle_min + i * scan.angle_increment
+        return laser.x + length * math.cos(angle), laser.y + length * math.sin(angle)
+
+    def is_hit(i: int, distance: float) -> bool:
+        return distance <= far and all(math.dist(end(i, distance), mate[:2]) > mate.radius + margin for mate in others)
+
+    speaking = [(i, d) for i, d in enumerate(read_ranges(ranges, 0.3, 11.0).distances.tolist()) if d > 0.0]
+    chosen = {k * (beams - 1) // max(1, min(wanted, beams) - 1) for k in range(min(wanted, beams))}
+    ends, met = find_ends(scan, base, far, wanted, others, margin)
+    expected_ends = [(*end(i, min(d, far)), is_hit(i, d)) for i, d in speaking if i in chosen]
+    assert np.column_stack((ends, met)) == pytest.approx(np.reshape(expected_ends, (-1, 3)), abs=1e-9)
+    costmap = Costmap(GridGeometry(40, 36, 0.25, origin), make_circle(0.2), CostmapOptions(
+        raytrace_max_range=clears, obstacle_max_range=far, teammate_margin=margin
+    ))  # fmt: skip
+    costmap.update()
+    costmap.observe(scan, base, others)
+    expected = np.full((40, 36), NO_INFORMATION, np.uint8)
+    cells = [costmap.frame.cell_at(*end(i, min(d, far, clears)))[::-1] for i, d in speaking]
+    marks = [costmap.frame.cell_at(*end(i, d + 0.25 * 0.25))[::-1] for i, d in speaking if is_hit(i, d)]
+    if cells:
+        place = costmap.frame.cell_at(laser.x, laser.y)[::-1]
+        planning_references.trace_beams(expected, *place, np.array(cells), np.reshape(marks, (-1, 2)))
+    assert np.array_equal(costmap.layers.seen, expected)
+    window = costmap.update() or (0, 0, 0, 0)
+    changed = np.argwhere(expected != NO_INFORMATION)
+    assert all(window[0] <= row < window[1] and window[2] <= column < window[3] for row, column in changed.tolist())
 
 
 @examples(30)
-@given(seeds, st.integers(0, 6))
-def test_a_disc_fills_what_it_touches_and_an_outline_what_has_its_middle_inside(seed: int, corners: int) -> None:
-    """Also beside the grid. The window holds all that has changed; an outline without corners is nowhere."""
+@given(seeds, st.integers(-9, 9), st.integers(-9, 9))
+def test_what_was_seen_keeps_its_place_in_a_costmap_that_moves(seed: int, rows: int, columns: int) -> None:
+    """What comes into the grid is unknown."""
+    layers = Layers((7, 8), np.zeros((3, 2)), 0.0, np.zeros(2, np.uint8), 1)
+    layers.seen[:] = np.random.default_rng(seed).integers(0, 255, (7, 8))
+    wide = np.pad(layers.seen, 9, constant_values=NO_INFORMATION)
+    layers.move(rows, columns)
+    assert np.array_equal(layers.seen, wide[9 + rows : 16 + rows, 9 + columns : 17 + columns])
+
+
+@given(seeds)
+def test_under_an_outline_what_was_seen_is_cleared(seed: int) -> None:
+    """The cells whose middle lies in it, wherever the robot is."""
     rng = np.random.default_rng(seed)
-    (u, v, x, y), pose = rng.uniform(-5.0, 25.0, 4).tolist(), Pose2(*rng.uniform(-3.0, 20.0, 3).tolist())
-    outline, reach = rng.uniform(-6.0, 6.0, (corners, 2)), float(rng.uniform(0.0, 9.0))
-    row, column = np.indices((20, 18))
-    costs = np.zeros((20, 18), np.uint8)
-    fill_disc(costs, u, v, reach, 7)
-    off = np.maximum(np.maximum(column - u, u - column - 1), 0.0), np.maximum(np.maximum(row - v, v - row - 1), 0.0)
-    assert np.array_equal(costs == 7, np.hypot(*off) <= reach)
-    costs[:] = 0
-    window = fill_outline(costs, (x, y, 0.6, 0.8, 0.5), outline, pose, 7)
-    places = np.array([pose.compose(Pose2(*corner, 0.0))[:2] for corner in outline]).reshape(-1, 2) - (x, y)
-    points = np.column_stack((places @ (0.6, 0.8), places @ (-0.8, 0.6))) / 0.5
-    assert np.array_equal(costs == 7, in_polygon(points, column + 0.5, row + 0.5))
-    if window is not None:
-        costs[window[0] : window[1], window[2] : window[3]] = 0
-    assert not costs.any()
+    outline, frame = make_footprint(rng.uniform(-1.5, 1.5, (5, 2))), GridGeometry(20, 18, 0.2, Pose2(0.3, -0.2, 0.7))
+    costmap, pose = Costmap(frame, outline), Pose2(*rng.uniform(-3.0, 4.0, 3).tolist())
+    costmap.clear_footprint(pose)
+    corners = frame.points_to_cells(place(outline, *pose))
+    rows, columns = np.mgrid[:20, :18]
+    assert np.array_equal(costmap.layers.seen == 0, in_polygon(corners, columns + 0.5, rows + 0.5))
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), st.floats(-50, 50), st.floats(-50, 50))

@@ -1,5 +1,6 @@
 /* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 #include "polygons.h"
 #include "sines.h"
@@ -7,8 +8,10 @@
 #define LEAST(a, b) ((a) < (b) ? (a) : (b))
 #define MOST(a, b) ((a) > (b) ? (a) : (b))
 enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.navigation.planning.costmap */
+#define BEHIND 0.25 /* cells from the end of a beam to the point whose cell is marked */
 #define MARGIN 0.05 /* cells that an outline keeps from lethal ones, for what happens between two poses */
 #define FAR 1e9     /* cells; what is farther away, or not a number, is outside of every grid */
+#define STEP 0.1    /* cells that no point of an outline moves more than from one looked-at pose to the next */
 
 /* Find the squared distance to the nearest lethal cell, at most (reach + 1)^2, for each cell of the window, and, with
    a table of their costs, raise the cell to its cost; one without information gets a cost from `unknown_from` on.
@@ -90,142 +93,225 @@ static void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x
     }
 }
 
-/* The cell (column, row) of a point, and what it adds to a box of rows and columns, from and to. Return whether it is
-   near enough. */
-static int note_cell(const grid_frame *f, double x, double y, int64_t *cell, int64_t *box)
+/* A point in cells: along the columns, along the rows. */
+static inline void to_cells(const costmap *c, double x, double y, double *u, double *v)
 {
-    const double dx = x - f->x, dy = y - f->y;
-    const double u = floor((f->cosine * dx + f->sine * dy) / f->cell), v = floor((f->cosine * dy - f->sine * dx) / f->cell);
+    const double dx = x - c->x, dy = y - c->y;
+    *u = (c->cosine * dx + c->sine * dy) / c->cell, *v = (c->cosine * dy - c->sine * dx) / c->cell;
+}
+
+/* The layers have changed in a box of cells: rows and columns, from and to. */
+static void widen(costmap *c, int64_t low, int64_t high, int64_t left, int64_t right)
+{
+    c->changed[0] = LEAST(c->changed[0], low), c->changed[1] = MOST(c->changed[1], high);
+    c->changed[2] = LEAST(c->changed[2], left), c->changed[3] = MOST(c->changed[3], right);
+}
+
+void change_all(costmap *c)
+{
+    widen(c, 0, c->rows, 0, c->columns);
+}
+
+void move_costmap(costmap *c, int64_t rows, int64_t columns)
+{
+    const int64_t height = c->rows, width = c->columns, aside = MOST(columns, -columns), kept = width - aside;
+    for (int64_t k = 0; k < height; k++) {
+        const int64_t row = rows < 0 ? height - 1 - k : k;
+        uint8_t *to = c->seen + row * width;
+        if (kept <= 0 || row + rows < 0 || row + rows >= height) {
+            memset(to, UNKNOWN, (size_t)width);
+            continue;
+        }
+        memmove(to + MOST(-columns, 0), c->seen + (row + rows) * width + MOST(columns, 0), (size_t)kept);
+        memset(to + (columns > 0 ? kept : 0), UNKNOWN, (size_t)aside);
+    }
+    change_all(c);
+}
+
+/* The cell (column, row) of a point, and what it adds to a box. Return whether it is near enough. */
+static int note_cell(const costmap *c, double x, double y, int64_t *cell, int64_t *box)
+{
+    double u, v;
+    to_cells(c, x, y, &u, &v);
     if (!(fabs(u) < FAR && fabs(v) < FAR))
         return 0;
-    cell[0] = (int64_t)u, cell[1] = (int64_t)v;
+    cell[0] = (int64_t)floor(u), cell[1] = (int64_t)floor(v);
     box[0] = LEAST(box[0], cell[1]), box[1] = MOST(box[1], cell[1] + 1);
     box[2] = LEAST(box[2], cell[0]), box[3] = MOST(box[3], cell[0] + 1);
     return 1;
 }
 
-/* Clear and mark cells as the beams of a laser (x, y) say, which end at points (count, 2) and met something there or not.
-   `mates` (mate_count, 3: x, y, radius): what is met on them is not marked. `limits`: metres up to which a beam clears,
-   and marks, and that a mark is behind what was met. `cells` has room for 4 * count. Write the box of the cells; return
-   whether all are near enough. */
-int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
-            const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
-            int64_t *cells, int64_t *box)
+int observe(costmap *c, const planar_scan *s, const double *base, const double *mates, int64_t mate_count, double margin,
+            const double *limits, double *ends, uint8_t *met, int64_t *cells)
 {
-    int64_t origin[2], *marks = cells + 2 * count, marked = 0;
-    box[0] = box[2] = INT64_MAX, box[1] = box[3] = INT64_MIN;
-    if (!note_cell(f, laser[0], laser[1], origin, box))
+    int64_t origin[2], box[4] = {INT64_MAX, INT64_MIN, INT64_MAX, INT64_MIN}, marked = 0;
+    double laser[2];
+    const int64_t count
+        = find_ends(s, base, MOST(limits[0], limits[1]), s->beams, mates, mate_count, margin, laser, ends, met);
+    int64_t *marks = cells + 2 * count;
+    if (count == 0)
+        return 1;
+    if (!note_cell(c, laser[0], laser[1], origin, box))
         return 0;
     for (int64_t i = 0; i < count; i++) {
-        const double x = points[2 * i], y = points[2 * i + 1], dx = x - laser[0], dy = y - laser[1];
+        const double x = ends[2 * i], y = ends[2 * i + 1], dx = x - laser[0], dy = y - laser[1];
         const double length = sqrt(dx * dx + dy * dy), least = MOST(length, 1e-9), share = LEAST(limits[0] / least, 1.0);
-        int marks_it = met[i] && length <= limits[1];
-        if (!note_cell(f, laser[0] + dx * share, laser[1] + dy * share, cells + 2 * i, box))
+        if (!note_cell(c, laser[0] + dx * share, laser[1] + dy * share, cells + 2 * i, box))
             return 0;
-        for (int64_t k = 0; marks_it && k < mate_count; k++) {
-            const double *mate = mates + 3 * k, away_x = x - mate[0], away_y = y - mate[1];
-            marks_it = sqrt(away_x * away_x + away_y * away_y) > mate[2];
-        }
-        if (marks_it && !note_cell(f, x + dx * (limits[2] / least), y + dy * (limits[2] / least), marks + 2 * marked++, box))
+        /* A beam ends on the surface, between two cells: what it has met is in the one behind. */
+        const double behind = BEHIND * c->cell / least;
+        if (met[i] && length <= limits[1]
+            && !note_cell(c, x + dx * behind, y + dy * behind, marks + 2 * marked++, box))
             return 0;
     }
-    trace_beams(costs, rows, columns, origin[0], origin[1], cells, count, marks, marked);
+    trace_beams(c->seen, c->rows, c->columns, origin[0], origin[1], cells, count, marks, marked);
+    widen(c, box[0], box[1], box[2], box[3]);
     return 1;
 }
 
-/* Set the cells that a disc touches to a cost; its middle (column, row) and its radius are in cells. */
-void fill_disc(uint8_t *costs, int64_t rows, int64_t columns, double u, double v, double reach, uint8_t cost)
+void clear_outline(costmap *c, const double *pose)
 {
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, cosine, sine, *u = c->room, *v = u + c->corners;
+    cosine_sine(pose[2], &cosine, &sine);
+    for (int64_t i = 0; i < c->corners; i++) {
+        const double ahead = c->outline[2 * i], aside = c->outline[2 * i + 1];
+        to_cells(c, pose[0] + cosine * ahead - sine * aside, pose[1] + sine * ahead + cosine * aside, u + i, v + i);
+        if (!(fabs(u[i]) < FAR && fabs(v[i]) < FAR))
+            return;
+        low[0] = LEAST(u[i], low[0]), high[0] = MOST(u[i], high[0]);
+        low[1] = LEAST(v[i], low[1]), high[1] = MOST(v[i], high[1]);
+    }
+    const int64_t bottom = MOST((int64_t)floor(low[1]), 0), top = LEAST((int64_t)floor(high[1]) + 1, c->rows);
+    const int64_t left = MOST((int64_t)floor(low[0]), 0), right = LEAST((int64_t)floor(high[0]) + 1, c->columns);
+    for (int64_t row = bottom; row < top; row++)
+        for (int64_t column = left; column < right; column++)
+            if (contains(u, v, 0, c->corners, (double)column + 0.5, (double)row + 0.5))
+                c->seen[row * c->columns + column] = 0;
+    if (bottom < top && left < right)
+        widen(c, bottom, top, left, right);
+}
+
+/* Set the cells of a layer that a disc (x, y, radius) touches to a cost; without a layer, note that they change. */
+static void fill_disc(costmap *c, uint8_t *layer, const double *disc, uint8_t cost)
+{
+    const double reach = disc[2] / c->cell;
+    double u, v;
+    to_cells(c, disc[0], disc[1], &u, &v);
     if (!(fabs(u) < FAR && fabs(v) < FAR && reach >= 0.0 && reach < FAR))
         return;
-    const int64_t top = LEAST((int64_t)floor(v + reach) + 1, rows), right = LEAST((int64_t)floor(u + reach) + 1, columns);
-    for (int64_t row = MOST((int64_t)floor(v - reach), 0); row < top; row++)
-        for (int64_t column = MOST((int64_t)floor(u - reach), 0); column < right; column++) {
+    const int64_t bottom = MOST((int64_t)floor(v - reach), 0), top = LEAST((int64_t)floor(v + reach) + 1, c->rows);
+    const int64_t left = MOST((int64_t)floor(u - reach), 0), right = LEAST((int64_t)floor(u + reach) + 1, c->columns);
+    for (int64_t row = bottom; layer && row < top; row++)
+        for (int64_t column = left; column < right; column++) {
             /* The point of the cell that is nearest to the middle of the disc. */
             const double du = MOST(MOST((double)column - u, u - (double)(column + 1)), 0.0);
             const double dv = MOST(MOST((double)row - v, v - (double)(row + 1)), 0.0);
             if (du * du + dv * dv <= reach * reach)
-                costs[row * columns + column] = cost;
+                layer[row * c->columns + column] = cost;
         }
+    if (bottom < top && left < right)
+        widen(c, bottom, top, left, right);
 }
 
-/* Set the cells whose middle lies in an outline (count, 2: x, y), by the even-odd rule, to a cost. The outline is that of
-   a base at a pose; `corners` has room for it in cells. Write the box of cells that it may touch, in the grid: rows and
-   columns, from and to. Return whether there are any. */
-int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *outline, int64_t count,
-                 const double *pose, uint8_t cost, double *corners, int64_t *box)
+void change_disc(costmap *c, const double *disc, int forget)
 {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, cosine, sine;
-    cosine_sine(pose[2], &cosine, &sine);
-    for (int64_t i = 0; i < 2 * count; i += 2) {
-        const double dx = pose[0] + cosine * outline[i] - sine * outline[i + 1] - f->x;
-        const double dy = pose[1] + sine * outline[i] + cosine * outline[i + 1] - f->y;
-        corners[i] = (f->cosine * dx + f->sine * dy) / f->cell, corners[i + 1] = (f->cosine * dy - f->sine * dx) / f->cell;
-        if (!(fabs(corners[i]) < FAR && fabs(corners[i + 1]) < FAR))
-            return 0;
-        for (int axis = 0; axis < 2; axis++)
-            low[axis] = LEAST(corners[i + axis], low[axis]), high[axis] = MOST(corners[i + axis], high[axis]);
+    fill_disc(c, forget ? c->seen : NULL, disc, UNKNOWN);
+}
+
+/* Make the changed box `more` cells wider on each side, and cut it to the grid. */
+static void clip(const costmap *c, int64_t more, int64_t *box)
+{
+    for (int axis = 0; axis < 2; axis++) {
+        const int64_t size = axis ? c->columns : c->rows;
+        box[2 * axis] = MOST(LEAST(box[2 * axis] - more, size), 0);
+        box[2 * axis + 1] = MOST(LEAST(box[2 * axis + 1] + more, size), box[2 * axis]);
     }
-    if (count == 0)
-        return 0;
-    box[0] = MOST((int64_t)floor(low[1]), 0), box[1] = LEAST((int64_t)floor(high[1]) + 1, rows);
-    box[2] = MOST((int64_t)floor(low[0]), 0), box[3] = LEAST((int64_t)floor(high[0]) + 1, columns);
-    for (int64_t row = box[0]; row < box[1]; row++)
-        for (int64_t column = box[2]; column < box[3]; column++) {
-            const double x = (double)column + 0.5, y = (double)row + 0.5;
-            int is_inside = 0;
-            for (int64_t i = 0, j = count - 1; i < count; j = i++) {
-                const double *a = corners + 2 * i, *b = corners + 2 * j;
-                if ((a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]))
-                    is_inside = !is_inside;
-            }
-            if (is_inside)
-                costs[row * columns + column] = cost;
-        }
-    return box[0] < box[1] && box[2] < box[3];
 }
 
-/* Find the first step at which an outline touches a lethal cell that it does not touch at the start; -1 if none.
-   With 0 steps: 0 if it touches one where it stands. `points` has room for the outline twice, at the start and now. */
-int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
-                 double y, double yaw, const double *motion, int64_t steps, double *points)
+int update_costmap(costmap *c, const double *mates, int64_t mate_count, int64_t *box)
 {
-    const double *start_x = points, *start_y = points + count;
-    for (int64_t step = 0; step <= steps; step++) {
+    const int64_t width = c->columns, reach = c->reach;
+    memcpy(box, c->changed, sizeof c->changed);
+    if (box[0] > box[1])
+        return 0;
+    clip(c, 0, box);
+    for (int64_t row = box[0]; row < box[1]; row++)
+        for (int64_t i = row * width + box[2]; i < row * width + box[3]; i++) {
+            /* updateWithMax of Costmap2D: one more makes UNKNOWN the least. */
+            const uint8_t below = (uint8_t)(c->fixed[i] + 1), above = (uint8_t)(c->seen[i] + 1);
+            c->base[i] = (uint8_t)(MOST(below, above) - 1);
+        }
+    for (int64_t k = 0; k < mate_count; k++)
+        fill_disc(c, c->base, mates + 3 * k, LETHAL);
+    c->changed[0] = c->changed[2] = INT64_MAX, c->changed[1] = c->changed[3] = INT64_MIN;
+    clip(c, reach, box);
+    const int64_t high = box[1] - box[0], wide = box[3] - box[2];
+    const size_t steps = (size_t)((high + 2 * reach + 2) * (wide + 2 * reach)), line = (size_t)(wide + 2 * reach);
+    uint16_t *room = malloc((line + (size_t)(high * wide)) * sizeof *room + steps + 1);
+    if (!room)
+        return -1;
+    inflate(c->base, c->rows, width, box, reach, (uint8_t *)(room + line + high * wide), room, room + line, c->table,
+            c->unknown_from, c->costs);
+    free(room);
+    return 1;
+}
+
+int cost_at(const costmap *c, double x, double y)
+{
+    double u, v;
+    to_cells(c, x, y, &u, &v);
+    const int is_inside = u >= 0.0 && u < (double)c->columns && v >= 0.0 && v < (double)c->rows;
+    return is_inside ? c->costs[(int64_t)v * c->columns + (int64_t)u] : LETHAL;
+}
+
+double time_to_collision(const costmap *c, const double *pose, const double *velocity, double duration)
+{
+    const double speed = sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1]) + fabs(velocity[2]) * c->radius;
+    const double steps = -floor(-(speed * duration / (STEP * c->cell))), interval = duration / steps;
+    const double motion[3] = {velocity[0] / c->cell * interval, velocity[1] / c->cell * interval, velocity[2] * interval};
+    double *start_x = c->room, *start_y = start_x + c->corners, x, y, yaw = pose[2] - c->yaw;
+    /* No number, or more than could ever be looked at. */
+    if (!(steps < FAR))
+        return 0.0;
+    if (steps == 0.0)
+        return INFINITY;
+    to_cells(c, pose[0], pose[1], &x, &y);
+    for (double step = 0.0; step <= steps; step++) {
         double cosine, sine, low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-        if (step > 0) {
+        if (step > 0.0) {
             /* The middle of the step's arc tells its direction. */
             cosine_sine(yaw + 0.5 * motion[2], &cosine, &sine);
             x += cosine * motion[0] - sine * motion[1];
             y += sine * motion[0] + cosine * motion[1];
             yaw += motion[2];
         }
-        double *now_x = points + (step > 0 ? 2 * count : 0), *now_y = now_x + count;
+        double *now_x = start_x + (step > 0.0 ? 2 * c->corners : 0), *now_y = now_x + c->corners;
         cosine_sine(yaw, &cosine, &sine);
-        for (int64_t i = 0; i < count; i++) {
-            now_x[i] = x + cosine * corners[2 * i] - sine * corners[2 * i + 1];
-            now_y[i] = y + sine * corners[2 * i] + cosine * corners[2 * i + 1];
+        for (int64_t i = 0; i < c->corners; i++) {
+            const double ahead = c->outline[2 * i] / c->cell, aside = c->outline[2 * i + 1] / c->cell;
+            now_x[i] = x + cosine * ahead - sine * aside;
+            now_y[i] = y + sine * ahead + cosine * aside;
             if (!(fabs(now_x[i]) < FAR && fabs(now_y[i]) < FAR))
-                return step;
+                return (step - 1.0) * interval;
             low[0] = LEAST(now_x[i], low[0]), high[0] = MOST(now_x[i], high[0]);
             low[1] = LEAST(now_y[i], low[1]), high[1] = MOST(now_y[i], high[1]);
         }
-        if (step == 0 && steps > 0)
+        if (step == 0.0)
             continue;
         const int64_t top = (int64_t)floor(high[1] + MARGIN), right = (int64_t)floor(high[0] + MARGIN);
         for (int64_t row = (int64_t)floor(low[1] - MARGIN); row <= top; row++)
             for (int64_t column = (int64_t)floor(low[0] - MARGIN); column <= right; column++) {
-                const int is_inside = 0 <= row && row < rows && 0 <= column && column < columns;
+                const int is_inside = 0 <= row && row < c->rows && 0 <= column && column < c->columns;
                 const double u = (double)column, v = (double)row;
-                if ((is_inside && costs[row * columns + column] != LETHAL)
-                    || !meets_cell(now_x, now_y, count, u, v, step > 0 ? MARGIN : 0.0, 1))
+                if ((is_inside && c->costs[row * c->columns + column] != LETHAL)
+                    || !meets_cell(now_x, now_y, c->corners, u, v, MARGIN, 1))
                     continue;
                 /* Near at the start already: then it may come nearer, but not touch it, unless it did. */
-                if (step == 0 || !meets_cell(start_x, start_y, count, u, v, MARGIN, 1)
-                    || (meets_cell(now_x, now_y, count, u, v, 0.0, 1)
-                        && !meets_cell(start_x, start_y, count, u, v, 0.0, 1)))
-                    return step;
+                if (!meets_cell(start_x, start_y, c->corners, u, v, MARGIN, 1)
+                    || (meets_cell(now_x, now_y, c->corners, u, v, 0.0, 1)
+                        && !meets_cell(start_x, start_y, c->corners, u, v, 0.0, 1)))
+                    return (step - 1.0) * interval;
             }
     }
-    return -1;
+    return INFINITY;
 }

@@ -115,19 +115,46 @@ void judge_ways(const chipmunk *c, const double *poses, const double *ends, doub
 /* costmaps.c: grids of costs */
 void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach, uint8_t *steps,
              uint16_t *line, uint16_t *squares, const uint8_t *table, int64_t unknown_from, uint8_t *out);
-/* Where a grid's origin lies, and metres a cell. */
+/* A scan as planning takes it. */
 typedef struct {
-    double x, y, cosine, sine, cell;
-} grid_frame;
+    const float *ranges; /* (beams), metres */
+    int64_t beams;
+    double start, step, least, most; /* the first angle, the increment, in radians; the limits of ranges, in metres */
+    double x, y, yaw;                /* of the laser in the base frame */
+} planar_scan;
 
-int observe(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *laser, const double *points,
-            const uint8_t *met, int64_t count, const double *mates, int64_t mate_count, const double *limits,
-            int64_t *cells, int64_t *box);
-void fill_disc(uint8_t *costs, int64_t rows, int64_t columns, double u, double v, double reach, uint8_t cost);
-int fill_outline(uint8_t *costs, int64_t rows, int64_t columns, const grid_frame *f, const double *outline, int64_t count,
-                 const double *pose, uint8_t cost, double *corners, int64_t *box);
-int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
-                 double y, double yaw, const double *motion, int64_t steps, double *points);
+/* A costmap: a grid, its layers (rows, columns), and the outline of a robot. */
+typedef struct {
+    int64_t rows, columns;
+    double x, y, cosine, sine, cell, yaw; /* its origin in `map`, and metres a cell */
+    uint8_t *fixed, *seen, *base, *costs; /* the map; what lasers have seen; both, and teammates; the same, inflated */
+    const uint8_t *table;                 /* costs by squared distance in cells, up to that of `reach` + 1 */
+    int64_t reach, unknown_from;          /* from this cost on a cell without information gets one */
+    int64_t changed[4];                   /* rows and columns, from and to, in which layers have changed since the update */
+    const double *outline;                /* (corners, 2), metres in the base frame */
+    int64_t corners;
+    double radius;                        /* metres to the farthest corner */
+    double *room;                         /* (4, corners) */
+} costmap;
+
+void change_all(costmap *c);
+/* Lie elsewhere: what was cell (rows, columns) is (0, 0). What lasers have seen keeps its place. */
+void move_costmap(costmap *c, int64_t rows, int64_t columns);
+/* Clear and mark cells as the scan of a base at a pose says; what is met on a teammate (x, y, radius) or up to `margin`
+   beside it is not marked. `limits`: metres up to which a beam clears, and marks. `ends` (beams, 2), `met` (beams) and
+   `cells` (4 * beams) are room. Return whether all are near enough; else nothing is changed. */
+int observe(costmap *c, const planar_scan *s, const double *base, const double *mates, int64_t mate_count, double margin,
+            const double *limits, double *ends, uint8_t *met, int64_t *cells);
+/* Clear what lasers have seen where the middle of a cell lies in the outline at a pose. */
+void clear_outline(costmap *c, const double *pose);
+/* Something changes within a disc (x, y, radius); `forget`: what lasers have seen there. */
+void change_disc(costmap *c, const double *disc, int forget);
+/* Join the layers where they have changed, and inflate that part, whose box is written. Return whether there is any; -1
+   without memory. */
+int update_costmap(costmap *c, const double *mates, int64_t mate_count, int64_t *box);
+int cost_at(const costmap *c, double x, double y);
+/* Seconds until the outline on an arc touches a lethal cell that it does not touch at the start; or inf. */
+double time_to_collision(const costmap *c, const double *pose, const double *velocity, double duration);
 
 /* search.c: ways over grids of weights */
 void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t neutral, int64_t factor, int64_t barred,
@@ -253,6 +280,11 @@ void see_poses(const double *poses, int64_t count, int64_t own, double *seen);
    Return how many beams say nothing. */
 int64_t read_ranges(const float *ranges, int64_t count, double least, double most, double closest, double *distances,
                     double *nearest);
+/* Write where the beams of a base at a pose end (x, y) that say something, and whether each met something that is not on
+   a teammate (x, y, radius) or up to `margin` beside it; and where the laser is. A beam longer than `far` ends there.
+   Of all beams `wanted` are looked at, spread evenly. `ends` has room for all. Return how many ends there are. */
+int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
+                  int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met);
 /* Metres to the nearest hit in a corridor; it looks no further once a hit is nearer than enough. */
 double look_along(const laser_scan *seen, double half_width, double heading, double enough);
 /* The first of some headings whose corridor is clear for some reach, or -1. */

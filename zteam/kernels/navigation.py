@@ -1,7 +1,7 @@
 """The kernels of navigation (costmaps.c, search.c, particles.c), as `binding.py` says."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,8 @@ Window = tuple[int, int, int, int]
 """Rows from, to (not included), columns from, to."""
 
 
-def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from: int, out: Any) -> NDArray[np.uint16]:
+def square_distances(costs: Bytes, window: Window, reach: int) -> NDArray[np.uint16]:
+    """Squared distances (cells) in a window of `costs` to the nearest lethal cell: exact, and up to (`reach` + 1)²."""
     grid, rows, columns = _grid("costs", costs)
     r0, r1, c0, c1 = window
     if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= MAX_CELLS):
@@ -35,75 +36,112 @@ def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from:
     _, steps = empty(np.uint8, (r1 - r0 + 2 * reach + 1) * width)
     _, line = empty(np.uint16, width)
     squares, made = empty(np.uint16, r1 - r0, c1 - c0)
-    lib.inflate(grid, rows, columns, window, reach, steps, line, made, table, unknown_from, out)
+    lib.inflate(grid, rows, columns, window, reach, steps, line, made, ffi.NULL, 0, ffi.NULL)
     return squares
 
 
-def square_distances(costs: Bytes, window: Window, reach: int) -> NDArray[np.uint16]:
-    """Squared distances (cells) in a window of `costs` to the nearest lethal cell: exact, and up to (`reach` + 1)²."""
-    return _inflate(costs, window, reach, ffi.NULL, 0, ffi.NULL)
+Places = Iterable[tuple[float, float, float]]
+"""Teammates: x, y, radius in metres."""
 
 
-def inflate(costs: Bytes, table: Bytes, reach: int, window: Window, unknown_from: int, out: Bytes) -> None:
-    """Raise the cells in `window` of `costs` (rows, columns) to the cost of their distance to a lethal one, into `out`.
+def _scan(scan: Sequence[Any]) -> tuple[Any, int, Any]:
+    """For C, with its number of beams: the ranges, first angle, increment, limits and laser of a `Scan` of planning."""
+    ranges, *given, laser = scan
+    array = memory("ranges", np.ascontiguousarray(ranges, np.float32), len(ranges))
+    # The struct does not keep the memory: its caller does.
+    return ffi.new("planar_scan *", (array, len(ranges), *given, *laser)), len(ranges), array
 
-    `table` ((`reach` + 1)² + 1) has the cost by squared distance in cells; lethal cells up to `reach` cells outside of
-    the window count. A cell without information gets a cost from `unknown_from` on. Raises ValueError.
+
+def _flat(mates: Places) -> tuple[Any, int]:
+    parts = [part for mate in mates for part in mate]
+    return ffi.new("double[]", parts), len(parts) // 3
+
+
+def find_ends(
+    scan: Sequence[Any], base: Sequence[float], far: float, wanted: int, mates: Places = (), margin: float = 0.0
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
+
+    (n, 2) and (n): beams that say nothing are left out, and those that met something too close to measure. A beam
+    longer than `far` (m) ends there and meets nothing, and so does one that ends on one of `mates` or up to `margin`
+    (m) beside it. Of all beams up to `wanted` are looked at, spread evenly.
     """
-    prices = memory("table", table, (reach + 1) ** 2 + 1)
-    _inflate(costs, window, reach, prices, unknown_from, memory("out", out, *costs.shape, out=True))
+    seen, beams, _ranges = _scan(scan)
+    (ends, made), (met, flags) = empty(np.float64, beams, 2), empty(np.bool_, beams)
+    given = base, far, min(wanted, beams), *_flat(mates), margin
+    count = lib.find_ends(seen, *given, ffi.new("double[2]"), made, flags)
+    return ends[:count], met[:count]
 
 
-def observe(
-    costs: Bytes, frame: Sequence[float], laser: tuple[float, float], points: Floats, met: NDArray[np.bool_],
-    mates: Sequence[Sequence[float]], limits: tuple[float, float, float],
-) -> Window:  # fmt: skip
-    """Clear and mark cells of `costs` (rows, columns) as the beams of a laser (x, y) say; the window that may change.
+class Layers:
+    """The layers of a costmap (rows, columns), for one robot. Lengths are in metres."""
 
-    `frame`: x, y, cosine and sine of the origin, and metres a cell. Beams end at `points` (n, 2), and have `met`
-    something there (n) or not: what is met on one of `mates` (x, y, radius) is not marked. `limits`: metres up to which
-    a beam clears, up to which it marks, and that a mark lies behind what was met. Raises ValueError.
-    """
-    count, box, flat = len(points), ffi.new("int64_t[4]"), [part for mate in mates for part in mate]
-    given = memory("points", points, count, 2), memory("met", met, count), count, ffi.new("double[]", flat), len(mates)
-    grid, cells = (*_grid("costs", costs, out=True), ffi.new("grid_frame *", frame)), empty(np.int64, 4 * count)[1]
-    if not lib.observe(*grid, laser, *given, limits, cells, box):
-        raise ValueError("points: a beam ends too far away")
-    return tuple(box)
+    def __init__(
+        self, shape: tuple[int, int], outline: Floats, radius: float, table: Bytes, unknown_from: int
+    ) -> None:
+        """`outline` (n, 2): the robot's corners in its base frame, up to `radius` from there. `table`: costs by squared
+        distance in cells, up to that of one cell beyond those that are inflated; a cell without information gets a cost
+        from `unknown_from` on. Raises ValueError."""
+        reach = math.isqrt(len(table) - 1) - 1
+        self.fixed, self.seen, self.base, self.costs = (np.full(shape, cost, np.uint8) for cost in (0, 255, 0, 0))
+        """What the map says; what lasers have seen; both, and teammates; the same, inflated."""
+        grids = [memory("shape", grid, *shape, out=True) for grid in (self.fixed, self.seen, self.base, self.costs)]
+        given = memory("table", table, (reach + 1) ** 2 + 1), memory("outline", outline, len(outline), 2)
+        room = empty(np.float64, 4, len(outline))[1]
+        whole = 0, shape[0], 0, shape[1]
+        last = given[0], reach, unknown_from, whole, given[1], len(outline), radius, room
+        self._kept = grids, given, room
+        self._c = ffi.new("costmap *", (*shape, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, *grids, *last))
 
+    def lie(self, place: Sequence[float]) -> None:
+        """At `place`: x, y, cosine and sine of the origin's yaw, metres a cell, and the yaw. Raises ValueError."""
+        c = self._c
+        if not c.radius <= _WIDEST * place[4]:
+            raise ValueError(f"place: a robot of {c.radius} m is wider than {_WIDEST} cells of {place[4]} m")
+        c.x, c.y, c.cosine, c.sine, c.cell, c.yaw = place
 
-def fill_disc(costs: Bytes, u: float, v: float, reach: float, cost: int) -> None:
-    """Set the cells of `costs` (rows, columns) that a disc touches to a cost: its middle (column, row), its radius."""
-    lib.fill_disc(*_grid("costs", costs, out=True), u, v, reach, cost)
+    def move(self, rows: int, columns: int) -> None:
+        """What was cell (`rows`, `columns`) is (0, 0) now. What lasers have seen keeps its place."""
+        lib.move_costmap(self._c, rows, columns)
 
+    def change_all(self) -> None:
+        """Note that all cells change."""
+        lib.change_all(self._c)
 
-def fill_outline(
-    costs: Bytes, frame: Sequence[float], outline: Floats, pose: tuple[float, float, float], cost: int
-) -> Window | None:
-    """Set the cells of `costs` (rows, columns) whose middle lies in an outline (n, 2; base frame) to a cost.
+    def change(self, disc: tuple[float, float, float], forget: bool = False) -> None:
+        """Note that what a disc (x, y, radius) touches changes; `forget` what lasers have seen there."""
+        lib.change_disc(self._c, disc, forget)
 
-    `frame` is as for `observe`, and the base at a `pose` (m, m, rad). Return the rows and columns that may have
-    changed, from and to; None if the outline is outside.
-    """
-    count, box, grid = len(outline), ffi.new("int64_t[4]"), _grid("costs", costs, out=True)
-    given = ffi.new("grid_frame *", frame), memory("outline", outline, count, 2), count, pose, cost
-    return tuple(box) if lib.fill_outline(*grid, *given, empty(np.float64, count, 2)[1], box) else None
+    def observe(
+        self, scan: Sequence[Any], base: Sequence[float], mates: Places, margin: float, limits: tuple[float, float]
+    ) -> None:
+        """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (see `find_ends`) is not
+        marked. `limits`: metres up to which a beam clears, and up to which it marks. Raises ValueError."""
+        seen, beams, _ranges = _scan(scan)
+        room = empty(np.float64, beams, 2)[1], empty(np.uint8, beams)[1], empty(np.int64, beams, 4)[1]
+        if not lib.observe(self._c, seen, base, *_flat(mates), margin, limits, *room):
+            raise ValueError("ranges: a beam ends too far away")
 
+    def clear(self, pose: Sequence[float]) -> None:
+        """Take what lasers have seen away from under the robot at a pose."""
+        lib.clear_outline(self._c, pose)
 
-def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, motion: Floats, steps: int) -> int:
-    """The first step of `steps` at which a robot touches a lethal cell that it does not touch at the start; else -1.
+    def update(self, mates: Places) -> Window | None:
+        """Bring `base` and `costs` up to date where something has changed, if anything; `mates` are obstacles."""
+        box = ffi.new("int64_t[4]")
+        changed = lib.update_costmap(self._c, *_flat(mates), box)
+        if changed < 0:
+            raise MemoryError("no room to inflate a costmap")
+        return tuple(box) if changed else None
 
-    All is in cells of `costs` (rows, columns): the robot's `corners` (n, 2) in its base frame, its pose in the grid,
-    and `motion` (3) of one step, forwards, to the left and radians, on an arc. With 0 steps: 0 if it touches any lethal
-    cell where it stands. What is outside of the grid is lethal, also if it is not finite. Raises ValueError.
-    """
-    count = len(corners)
-    if not count or steps < 0 or np.abs(corners).max() > _WIDEST:
-        raise ValueError(f"corners, steps: {count} corners up to {_WIDEST} cells from the base, {steps} steps")
-    outline = memory("corners", corners, count, 2)
-    _, points = empty(np.float64, 2, count, 2)
-    way = memory("motion", motion, 3), steps
-    return int(lib.find_hit(*_grid("costs", costs), outline, count, x, y, yaw, *way, points))
+    def cost_at(self, x: float, y: float) -> int:
+        """The cost at a point; that of a lethal cell outside of the grid."""
+        return int(lib.cost_at(self._c, x, y))
+
+    def time_to_collision(self, pose: Sequence[float], velocity: Sequence[float], duration: float) -> float:
+        """Seconds until the robot touches a lethal cell, or what is outside of the grid, that it does not touch at
+        `pose`; inf if that takes longer than `duration`."""
+        return float(lib.time_to_collision(self._c, pose, velocity, duration))
 
 
 # search.c: ways over grids of weights

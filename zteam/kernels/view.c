@@ -58,3 +58,36 @@ int64_t first_clear(const laser_scan *seen, double half_width, double reach, con
             return i;
     return -1;
 }
+
+/* Whether a point lies on a teammate, or up to `margin` beside it. */
+static int is_on(const double *mates, int64_t count, double margin, double x, double y)
+{
+    for (const double *mate = mates; mate < mates + 3 * count; mate += 3)
+        if (sqrt((x - mate[0]) * (x - mate[0]) + (y - mate[1]) * (y - mate[1])) <= mate[2] + margin)
+            return 1;
+    return 0;
+}
+
+int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
+                  int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met)
+{
+    /* An end is written where no distance is that is still to be read. */
+    double *distances = ends + s->beams, nearest, cosine, sine;
+    const double most = s->most < far ? s->most : far, first = s->start + base[2] + s->yaw;
+    int64_t count = 0;
+    cosine_sine(base[2], &cosine, &sine);
+    laser[0] = base[0] + cosine * s->x - sine * s->y, laser[1] = base[1] + sine * s->x + cosine * s->y;
+    read_ranges(s->ranges, s->beams, s->least, s->most, 0.0, distances, &nearest);
+    for (int64_t k = 0; k < wanted; k++) {
+        const int64_t i = wanted > 1 ? k * (s->beams - 1) / (wanted - 1) : 0;
+        const double distance = distances[i], length = distance < most ? distance : most;
+        /* What is not a number is not above 0 either. */
+        if (!(distance > 0.0))
+            continue;
+        cosine_sine(first + s->step * (double)i, &cosine, &sine);
+        const double x = laser[0] + length * cosine, y = laser[1] + length * sine;
+        ends[2 * count] = x, ends[2 * count + 1] = y;
+        met[count++] = distance <= far && !is_on(mates, mate_count, margin, x, y);
+    }
+    return count;
+}

@@ -11,7 +11,8 @@ from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
-from zteam.navigation.planning.scans import Scan, find_ends
+from zteam.kernels.navigation import find_ends
+from zteam.navigation.planning.scans import Scan
 from zteam.transforms.rigid import scan_points
 from zteam.view import frames
 
@@ -66,7 +67,7 @@ def test_all_readers_agree(value: float, meaning: str) -> None:
     assert beams is not None
     assert meaning_of(beams[1][0]) == meaning
     assert math.isnan(scan_points(scan)[0, 0]) is (meaning != HIT)
-    ends, met = find_ends(Scan(ranges, 0.0, 0.1, 0.1, 30.0, Pose2(0.0, 0.0, 0.0)), Pose2(0.0, 0.0, 0.0), 10.0)
+    ends, met = find_ends(Scan(ranges, 0.0, 0.1, 0.1, 30.0, Pose2(0.0, 0.0, 0.0)), Pose2(0.0, 0.0, 0.0), 10.0, 1)
     # Where it is that is too close to measure, no cell says.
     expected = {HIT: (value, True), FREE: (10.0, False)}.get(meaning)
     found = [(pytest.approx(end[0]), bool(has_met)) for end, has_met in zip(ends, met, strict=True)]

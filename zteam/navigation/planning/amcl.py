@@ -18,11 +18,11 @@ from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import FAR, Pose2, normalize_angle
 from zteam.kernels.binding import Floats
-from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
+from zteam.kernels.navigation import BeamEnds, find_cluster, find_ends, move_poses, resample
 from zteam.navigation.planning import likelihood
-from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.grid import NOWHERE, GridMap
 from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
-from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
+from zteam.navigation.planning.scans import Scan, Teammate
 
 INITIAL_DEVIATIONS = 0.5, 0.5, math.pi / 12.0
 """amcl's initial_cov as standard deviations: metres, metres, radians."""
@@ -114,12 +114,9 @@ def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions
 
     The `covariance` (3, 3) of the own place is also that of the teammates as seen from there; None: it may be anywhere.
     """
-    deviation = 0.0 if covariance is None else math.sqrt(covariance[:2, :2].diagonal().max())
-    last = len(scan.ranges) - 1
-    count = min(options.max_beams, last + 1)
-    chosen = np.arange(count) * last // max(1, count - 1)
-    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.farthest, chosen)
-    met &= ~on_teammates(ends, teammates, options.teammate_margin + min(_MOST_DEVIATION, deviation))
+    deviation = 0.0 if covariance is None else math.sqrt(max(covariance[0, 0], covariance[1, 1]))
+    margin = options.teammate_margin + min(_MOST_DEVIATION, deviation)
+    ends, met = find_ends(scan, NOWHERE, options.farthest, options.max_beams, teammates, margin)
     return ends[met]
 
 

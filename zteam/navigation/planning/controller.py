@@ -15,26 +15,11 @@ from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import FAR, Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
-from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
-
-_STEP = 0.1
-"""Cells that no point of the outline moves more than from one looked-at pose to the next."""
-
 
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
     """Seconds until a robot with `velocity` touches a lethal cell that it does not touch at `pose`; inf if later."""
-    resolution = costmap.frame.resolution
-    speed = math.hypot(velocity.x, velocity.y) + abs(velocity.turn) * costmap.footprint.circumscribed_radius
-    steps = math.ceil(speed * duration / (_STEP * resolution))
-    if steps == 0:
-        return math.inf
-    interval = duration / steps
-    motion = np.array([velocity.x / resolution, velocity.y / resolution, velocity.turn]) * interval
-    u, v = costmap.frame.to_cells(pose.x, pose.y)
-    corners, yaw = costmap.footprint.corners / resolution, pose.yaw - costmap.frame.origin.yaw
-    hit = find_hit(costmap.costs, corners, u, v, yaw, motion, steps)
-    return math.inf if hit < 0 else (hit - 1) * interval
+    return costmap.layers.time_to_collision(pose, velocity, duration)
 
 
 class BlockedError(ZteamError):

@@ -32,10 +32,10 @@ class GridGeometry(NamedTuple):
         return math.floor(v), math.floor(u)
 
     @property
-    def place(self) -> tuple[float, float, float, float, float]:
-        """x, y, cosine and sine of the origin, and metres a cell."""
+    def place(self) -> tuple[float, ...]:
+        """x, y, cosine and sine of the origin, metres a cell, and the origin's yaw."""
         x, y, yaw = self.origin
-        return x, y, math.cos(yaw), math.sin(yaw), self.resolution
+        return x, y, math.cos(yaw), math.sin(yaw), self.resolution, yaw
 
     def holds(self, row: int, column: int) -> bool:
         return 0 <= row < self.rows and 0 <= column < self.columns

@@ -7,15 +7,14 @@ import pytest
 
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import (
+    INSCRIBED_INFLATED_OBSTACLE,
     LETHAL_OBSTACLE,
     Costmap,
     CostmapOptions,
     make_circle,
     make_costmap,
     make_footprint,
-    place,
 )
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import make_controller, make_planner
@@ -37,8 +36,7 @@ def room(*walls: tuple[slice, slice], size: int = 100) -> Costmap:
 
 def stands_free(costmap: Costmap, pose: Pose2) -> bool:
     """Whether a robot at `pose` touches no lethal cell."""
-    outline = costmap.frame.points_to_cells(place(costmap.footprint, *pose))
-    return find_hit(costmap.costs, outline, 0.0, 0.0, 0.0, np.zeros(3), 0) < 0
+    return costmap.cost_at(pose.x, pose.y) < INSCRIBED_INFLATED_OBSTACLE
 
 
 WALL = (slice(50, 53), slice(0, 80))

@@ -19,6 +19,8 @@ VALUES = np.zeros((4, 5), np.uint16)
 PLACE = (0.0, 0.0, 0.0, 1.0)
 POSES, BEAMS = np.zeros((3, 3)), np.zeros((2, 4), np.float32)
 SIZE = (0.5, 0.5, 0.2)
+HERE = (0.0, 0.0, 0.0)
+LAYERS = navigation.Layers((6, 8), np.ones((3, 2)), 1.5, np.zeros(5, np.uint8), 1)
 NONE, ENOUGH = np.zeros(3, bool), np.array((3,))
 REFUSED: dict[str, list[Callable[[], object]]] = {
     "window": [
@@ -26,8 +28,10 @@ REFUSED: dict[str, list[Callable[[], object]]] = {
         lambda: navigation.square_distances(COSTS, (3, 2, 0, 8), 1),
         lambda: navigation.square_distances(COSTS, (0, 6, 0, 8), 181),
     ],
-    "table": [lambda: navigation.inflate(COSTS, np.zeros(4, np.uint8), 2, (0, 6, 0, 8), 1, COSTS.copy())],
-    "out": [lambda: navigation.inflate(COSTS, np.zeros(5, np.uint8), 1, (0, 6, 0, 8), 1, COSTS[:-1].copy())],
+    "table": [lambda: navigation.Layers((6, 8), np.zeros((3, 2)), 0.0, np.zeros(4, np.uint8), 1)],
+    "outline": [lambda: navigation.Layers((6, 8), np.zeros((3, 3)), 0.0, np.zeros(5, np.uint8), 1)],
+    "place": [lambda: LAYERS.lie((0.0, 0.0, 1.0, 0.0, 1e-9, 0.0))],
+    "ranges": [lambda: LAYERS.observe((np.ones(1), 0.0, 0.1, 0.0, 9.0, (np.nan, 0.0, 0.0)), HERE, (), 0.0, (2.0, 2.0))],
     "costs": [
         lambda: navigation.square_distances(COSTS[:, ::2], (0, 6, 0, 4), 1),
         lambda: navigation.square_distances(COSTS.ravel(), (0, 6, 0, 4), 1),
@@ -38,11 +42,7 @@ REFUSED: dict[str, list[Callable[[], object]]] = {
         lambda: navigation.measure_lines(WEIGHTS, WALK, WALK + 5),
         lambda: navigation.measure_lines(WEIGHTS, WALK, WALK[:2]),
     ],
-    "corners": [lambda: navigation.find_hit(COSTS, np.empty((0, 2)), 0.0, 0.0, 0.0, np.zeros(3), 0)],
-    "motion": [
-        lambda: navigation.find_hit(COSTS, np.ones((3, 2)), 0.0, 0.0, 0.0, np.zeros(2), 0),
-        lambda: navigation.move_poses(POSES.copy(), (0.0, 1.0), POSES),
-    ],
+    "motion": [lambda: navigation.move_poses(POSES.copy(), (0.0, 1.0), POSES)],
     "weights": [lambda: navigation.search(WEIGHTS[1:].copy(), 9, 10, STEPS, REACHED[1:].copy())],
     "steps": [lambda: navigation.search(WEIGHTS, 9, 10, Steps(2, 1, 1), REACHED.copy())],
     "start": [

@@ -186,7 +186,7 @@ def test_it_waits_for_a_robot_that_is_silent() -> None:
 def test_a_scan_from_nowhere_is_not_used(localizer: Localizer) -> None:
     """Neither a costmap nor amcl takes it, and the robot says what lacks; with the laser's frame back it drives on."""
     robot = driving(localizer)
-    seen = robot.robot._costmaps.local._seen.copy()  # type: ignore[union-attr]
+    seen = robot.robot._costmaps.local.layers.seen.copy()  # type: ignore[union-attr]
     robot._put("elsewhere", "base_laser_link", static=True)
     assert robot.step(2) == STOP
     assert robot.text == "it needs its laser's frame robot_0/base_laser_link (robot_0/tf_static, from its base)"
