@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from support.examples import examples
 from support.planning_cases import seeds
 from zteam.geometry import Pose2, Velocity
+from zteam.kernels.navigation import PathPlace
 from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, time_to_collision
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, place
 from zteam.planning import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, make_map
@@ -109,6 +110,22 @@ def test_the_time_to_a_collision_is_that_of_small_steps(seed: int, outline: obje
         wide = Costmap(costmap.frame, near)
         wide.costs[:] = costmap.costs
         assert not touched_at_all(wide, drive(pose, velocity, found + 0.03)) <= at_first
+
+
+@given(seeds, st.integers(0, 30), st.floats(0.0, 9.0), st.floats(0.0, 4.0))
+def test_a_place_on_a_path_is_that_of_a_look_at_all_poses(seed: int, count: int, ahead: float, reach: float) -> None:
+    """The nearest pose in a stretch from the last one on, and the first one after it outside of a circle."""
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(0.0, 0.5, (count + 1, 3)), axis=0)
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))))
+    place, at = PathPlace(path, along), 0
+    for x, y in rng.normal(0.0, 2.0, (5, 2)).tolist():
+        away = [math.dist((x, y), pose[:2]) for pose in path.tolist()]
+        last = next((i for i in range(at, count) if along[i] >= along[at] + ahead), count)
+        place.advance(x, y, ahead)
+        at = min(range(at, last + 1), key=away.__getitem__)
+        assert place.at == at
+        assert place.leave(x, y, reach) == next((i for i in range(at, count + 1) if away[i] >= reach), -1)
 
 
 def test_outside_of_the_grid_is_lethal() -> None:

@@ -1,4 +1,4 @@
-/* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch. */
+/* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch; and places on paths. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -314,4 +314,28 @@ double time_to_collision(const costmap *c, const double *pose, const double *vel
             }
     }
     return INFINITY;
+}
+
+int64_t find_place(const double *path, const double *along, int64_t count, int64_t at, double ahead, double x, double y)
+{
+    const double last = along[at] + ahead;
+    double least = INFINITY;
+    for (int64_t i = at; i < count; i++) {
+        const double dx = path[3 * i] - x, dy = path[3 * i + 1] - y, square = dx * dx + dy * dy;
+        if (square < least)
+            least = square, at = i;
+        if (along[i] >= last)
+            break;
+    }
+    return at;
+}
+
+int64_t leave_circle(const double *path, int64_t count, int64_t at, double reach, double x, double y)
+{
+    for (int64_t i = at; i < count; i++) {
+        const double dx = path[3 * i] - x, dy = path[3 * i + 1] - y;
+        if (sqrt(dx * dx + dy * dy) >= reach)
+            return i;
+    }
+    return -1;
 }

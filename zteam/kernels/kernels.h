@@ -156,6 +156,12 @@ int cost_at(const costmap *c, double x, double y);
 /* Seconds until the outline on an arc touches a lethal cell that it does not touch at the start; or inf. */
 double time_to_collision(const costmap *c, const double *pose, const double *velocity, double duration);
 
+/* A robot at (x, y) follows a path (count, 3: x, y, yaw), of which `along` (count) has the metres from its beginning.
+   Return the nearest pose from `at` on, within `ahead` metres. */
+int64_t find_place(const double *path, const double *along, int64_t count, int64_t at, double ahead, double x, double y);
+/* Return the first pose from `at` on that is not nearer to (x, y) than `reach` metres; -1 if there is none. */
+int64_t leave_circle(const double *path, int64_t count, int64_t at, double reach, double x, double y);
+
 /* search.c: ways over grids of weights */
 void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t neutral, int64_t factor, int64_t barred,
                  int64_t unknown, uint8_t *out);

@@ -144,6 +144,26 @@ class Layers:
         return float(lib.time_to_collision(self._c, pose, velocity, duration))
 
 
+class PathPlace:
+    """The place of a robot on a path of poses (n, 3; m, m, rad)."""
+
+    def __init__(self, path: Floats, along: Floats) -> None:
+        """`along` (n): metres from the beginning. Raises ValueError."""
+        self._path = memory("path", path, len(path), 3), memory("along", along, len(path)), len(path)
+        self.at = 0
+        """The index of the pose."""
+
+    def advance(self, x: float, y: float, ahead: float) -> None:
+        """Go to the pose nearest to a point (m), from this one up to `ahead` metres on."""
+        if self.at < self._path[2]:
+            self.at = lib.find_place(*self._path, self.at, ahead, x, y)
+
+    def leave(self, x: float, y: float, reach: float) -> int:
+        """The first pose from this one on that is `reach` metres from a point or more; -1 if there is none."""
+        path, _, count = self._path
+        return int(lib.leave_circle(path, count, self.at, reach, x, y))
+
+
 # search.c: ways over grids of weights
 
 UNREACHED = 0xFFFFFFFF

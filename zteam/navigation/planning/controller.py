@@ -15,6 +15,7 @@ from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import FAR, Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
+from zteam.kernels.navigation import PathPlace
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
@@ -98,8 +99,9 @@ class RegulatedPurePursuit:
     def __init__(self, options: PursuitOptions | None = None) -> None:
         self.options = options or PursuitOptions()
         self._path: Floats = np.empty((0, 3))
-        self._along: Floats = np.empty(0)
-        self._at = 0
+        self._left = [0.0]
+        """Metres from each pose of the path to its end."""
+        self._place = PathPlace(self._path, np.empty(0))
         self._rotating = self._at_end = False
 
     def set_path(self, path: Floats) -> None:
@@ -108,17 +110,19 @@ class RegulatedPurePursuit:
             raise ValueError(f"a path is an array (n, 3) of finite poses, not one of shape {path.shape}")
         self._path = np.ascontiguousarray(path, np.float64)
         steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
-        self._along = np.concatenate(([0.0], np.cumsum(steps)))
-        self._at, self._rotating, self._at_end = 0, False, False
+        along = np.concatenate(([0.0], np.cumsum(steps)))
+        self._left, self._place = (along[-1] - along).tolist(), PathPlace(self._path, along)
+        self._rotating = self._at_end = False
 
     def remaining(self) -> float:
-        return float(self._along[-1] - self._along[self._at]) if len(self._path) else 0.0
+        return self._left[self._place.at]
 
     def command(self, costmap: Costmap, pose: Pose2, velocity: Velocity, seconds: float) -> Velocity:
         """See Controller.command. Raises IndexError without a path."""
         options = self.options
-        self._advance(pose)
-        end = self._path[-1]
+        end = self._path[-1].tolist()
+        ahead = options.max_robot_pose_search_dist
+        self._place.advance(pose.x, pose.y, ahead if ahead > 0.0 else FAR)
         to_end = math.hypot(end[0] - pose.x, end[1] - pose.y)
         if not (self._at_end and options.stateful):
             near = options.xy_goal_tolerance
@@ -146,27 +150,18 @@ class RegulatedPurePursuit:
                 return command
         return self._squeeze(costmap, pose, self._carrot(pose, reach), seconds)
 
-    def _advance(self, pose: Pose2) -> None:
-        """Find the robot's place on the path: the nearest pose, not before the last one found."""
-        ahead = self.options.max_robot_pose_search_dist
-        stop = int(np.searchsorted(self._along, self._along[self._at] + (ahead if ahead > 0.0 else FAR))) + 1
-        part = self._path[self._at : stop]
-        self._at += int(np.argmin((part[:, 0] - pose.x) ** 2 + (part[:, 1] - pose.y) ** 2))
-
     def _carrot(self, pose: Pose2, reach: float) -> tuple[float, float]:
         """The point to drive to, in the robot's frame: where the path leaves the circle of this radius (m)."""
-        rest = self._path[self._at :]
-        away = np.hypot(rest[:, 0] - pose.x, rest[:, 1] - pose.y)
-        far = int(np.argmax(away >= reach))
-        if away[far] < reach:
-            x, y = rest[-1, 0], rest[-1, 1]
-        elif far == 0:
-            x, y = rest[0, 0], rest[0, 1]
-        else:
+        far = self._place.leave(pose.x, pose.y, reach)
+        x, y, _ = self._path[far].tolist()
+        if far > self._place.at:
             # Between two poses: linear in the distance, which is close enough for poses a cell apart.
-            share = (reach - away[far - 1]) / max(away[far] - away[far - 1], 1e-9)
-            x, y = rest[far - 1, :2] + share * (rest[far, :2] - rest[far - 1, :2])
-        return pose.locate(float(x), float(y))
+            to_x, to_y = x, y
+            x, y, _ = self._path[far - 1].tolist()
+            near = float(np.hypot(x - pose.x, y - pose.y))
+            share = (reach - near) / max(float(np.hypot(to_x - pose.x, to_y - pose.y)) - near, 1e-9)
+            x, y = x + share * (to_x - x), y + share * (to_y - y)
+        return pose.locate(x, y)
 
     def _rotate(self, velocity: Velocity, angle: float, seconds: float) -> tuple[Velocity, float]:
         """A turn on the spot by `angle`, and the seconds for which it must be free."""

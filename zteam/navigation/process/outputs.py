@@ -25,6 +25,10 @@ _VALUES[costs.FREE_SPACE], _VALUES[costs.INSCRIBED_INFLATED_OBSTACLE :] = 0, (99
 
 _MOST_COSTMAPS = 2.0
 """Hz."""
+_PLANAR = [0, 1, 5, 6, 7, 11, 30, 31, 35]
+"""Of x, y and yaw in the covariance of a pose: that has z, roll and pitch too."""
+_CDR_POSE = np.dtype([("pose", "<f8", 7), ("next", "V16")])
+"""A geometry_msgs/Pose of a path in CDR, and the header of the next one, which fills it up to a multiple of 8 bytes."""
 _LOCAL_PLAN = 3.0
 """Metres of the path before the robot that are its local plan."""
 _LEAST_SPEED = 0.05
@@ -73,7 +77,8 @@ class Outputs:
         self._local = _ShownCostmap(node, key(names.LOCAL_COSTMAP), parameters.local_window.publish_frequency)
         self._drives = self._clouded = False
         self._mean_speed = 0.0
-        self._name, self._logged = names.robot_name(robot_id), ""
+        self._name = names.robot_name(robot_id)
+        self._logged: tuple[object, ...] = ()
         self.forget()
 
     def forget(self) -> None:
@@ -119,9 +124,9 @@ class Outputs:
             return
         if localiser.updated or not self._placed:
             self._placed = True
-            covariance = np.zeros((6, 6))
-            covariance[np.ix_((0, 1, 5), (0, 1, 5))] = localiser.covariance
-            estimate = messages.PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
+            covariance = np.zeros(36)
+            covariance[_PLANAR] = localiser.covariance.ravel()
+            estimate = messages.PoseWithCovariance(pose_message(localiser.pose), covariance)
             self._pose.put_owned(messages.PoseWithCovarianceStamped(_header(now), estimate))
         if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
             poses = [pose_message(Pose2(*row)) for row in localiser.particles().tolist()]
@@ -132,13 +137,13 @@ class Outputs:
         """Send the plan, and what else is for looking at."""
         if navigator.path is not self._planned:
             self._planned = navigator.path
-            self._plan.put_owned(_path_message(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
+            self._plan.put_owned(_path_content(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
         if pose is None:
             return
         if navigator.path is not None and self._local_plan.has_subscribers:
             along = round(_LOCAL_PLAN / costmaps.whole.frame.resolution)
             left = max(1, round(navigator.distance_remaining / costmaps.whole.frame.resolution))
-            self._local_plan.put_owned(_path_message(now, navigator.path[-left:][:along]))
+            self._local_plan.put_owned(_path_content(now, navigator.path[-left:][:along]))
         if self._footprint.has_subscribers:
             corners = [messages.Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
             self._footprint.put_owned(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
@@ -146,11 +151,12 @@ class Outputs:
         self._local.show(now, costmaps.local)
 
     def log(self, navigator: Navigator) -> None:
-        news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
+        news = navigator.state, navigator.text
         if news != self._logged and navigator.state is not messages.NavigationState.IDLE:
             self._logged = news
             level = logging.WARNING if navigator.state is messages.NavigationState.ABORTED else logging.INFO
-            log.log(level, "%s: %s", self._name, news)
+            text = ": ".join(filter(None, (navigator.state.name.lower(), navigator.text)))
+            log.log(level, "%s: %s", self._name, text)
 
     def tell(self, now: int, navigator: Navigator) -> None:
         """Send the status if it has changed, and once a second."""
@@ -171,11 +177,11 @@ def _header(now: int) -> messages.Header:
     return messages.Header(messages.time_from_ns(now), names.MAP_FRAME)
 
 
-def _path_message(now: int, path: Floats) -> messages.Path:
-    header, turn, heading, poses = _header(now), messages.Quaternion(), 0.0, []
-    for x, y, yaw in path.tolist():
-        if yaw != heading:
-            # Most poses of a line have the same.
-            turn, heading = messages.Quaternion(*quaternion_from_yaw(yaw)), yaw
-        poses.append(messages.PoseStamped(header, messages.Pose(messages.Point(x, y), turn)))
-    return messages.Path(header, poses)
+def _path_content(now: int, path: Floats) -> bytes:
+    """A nav_msgs/Path in CDR: to make a message of each of its poses takes longer than to plan them."""
+    header, poses = _header(now), np.zeros(len(path), _CDR_POSE)
+    poses["next"] = np.void(messages.encode(header)[4:])
+    pose, half = poses["pose"], 0.5 * path[:, 2]
+    pose[:, 0], pose[:, 1], pose[:, 5], pose[:, 6] = path[:, 0], path[:, 1], np.sin(half), np.cos(half)
+    first = messages.encode(messages.Path(header, [messages.PoseStamped(header)] * min(1, len(path))))
+    return first[:20] + len(path).to_bytes(4, "little") + first[24:44] + poses.tobytes()[:-16]

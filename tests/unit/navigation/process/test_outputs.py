@@ -10,8 +10,9 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import OccupancyGrid, TFMessage, ns_from_time
+from zteam.messages import Header, OccupancyGrid, Path, PoseStamped, TFMessage, encode, ns_from_time, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
+from zteam.messages.planar import pose_message
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import Parameters, WindowOptions
 from zteam.navigation.process.costmaps import Costmaps
@@ -53,3 +54,16 @@ def test_a_costmap_is_sent_at_its_frequency_and_once_at_0(frequency: float, coun
     for tick in range(50):
         outputs.show(to_ns(0.1 * tick), navigator, Pose2(0.0, 0.0, 0.0), costmaps)
     assert sizes == [60] * count
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 300])
+def test_a_plan_is_sent_as_a_message_of_its_poses(count: int) -> None:
+    """The same bytes as of a Path that is made pose by pose."""
+    hub, found, path = MemoryHub(), list[Path](), np.random.default_rng(count).normal(0.0, 2.0, (count, 3))
+    hub.bus().subscribe(names.robot_key(0, names.PLAN), Path, lambda _key, message: found.append(message))
+    navigator: Any = SimpleNamespace(path=path)
+    costmaps: Any = None
+    Outputs(Node("nav_0", hub.bus(), Stop()), 0, Parameters()).show(to_ns(5.1), navigator, None, costmaps)
+    header = Header(time_from_ns(to_ns(5.1)), "map")
+    poses = [PoseStamped(header, pose_message(Pose2(*pose))) for pose in path.tolist()]
+    assert [encode(message) for message in found] == [encode(Path(header, poses))]
