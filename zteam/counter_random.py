@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.kernels.hashes import hash_counters
+
 _MASK = (1 << 64) - 1
 _GOLDEN = 0x9E3779B97F4A7C15
 """2^64 divided by the golden ratio, SplitMix64's increment."""
@@ -31,15 +33,9 @@ def uniform(*counters: int) -> float:
     return (stream(*counters) >> 11) * 2.0**-53
 
 
-def _hashes(states: NDArray[np.uint64], count: int) -> NDArray[np.uint64]:
-    """SplitMix64 outputs 1 to `count` from every state: (states, count)."""
-    steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(_GOLDEN)
-    return _mix(states[:, None] + steps)
-
-
 def uniforms(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
     """`count` numbers in [0, 1) from every state (a `stream`): (states, count)."""
-    shares: NDArray[np.float64] = np.multiply(_hashes(states, count) >> np.uint64(11), 2.0**-53, dtype=np.float64)
+    shares: NDArray[np.float64] = np.multiply(hash_counters(states, count) >> np.uint64(11), 2.0**-53, dtype=np.float64)
     return shares
 
 
@@ -48,7 +44,7 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
 
     The radius comes from 32 bits, so the tails end at 6.7 standard deviations.
     """
-    hashes = _hashes(states, count)
+    hashes = hash_counters(states, count)
     radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
     turn = np.multiply(hashes & np.uint64(0xFFFFFFFF), 2.0 * np.pi * 2.0**-32, dtype=np.float64)
     normal: NDArray[np.float64] = np.multiply(radius, np.cos(turn), dtype=np.float64)
@@ -60,7 +56,7 @@ def gaussian_pairs(states: NDArray[np.uint64], count: int) -> NDArray[np.float32
 
     They are computed with single precision: seven digits, and tails to 6.7 standard deviations.
     """
-    hashes = _hashes(states, count)
+    hashes = hash_counters(states, count)
     radius = np.sqrt(
         -2.0 * np.log(((hashes >> np.uint64(32)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-32))
     )

@@ -11,7 +11,7 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2, in_polygon
-from zteam.kernels.navigation import Layers, find_ends
+from zteam.kernels.navigation import Layers, find_hits
 from zteam.messages.laser import read_ranges
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost, place
 from zteam.planning import (
@@ -104,9 +104,8 @@ def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, 
 
     speaking = [(i, d) for i, d in enumerate(read_ranges(ranges, 0.3, 11.0).distances.tolist()) if d > 0.0]
     chosen = {k * (beams - 1) // max(1, min(wanted, beams) - 1) for k in range(min(wanted, beams))}
-    ends, met = find_ends(scan, base, far, wanted, others, margin)
-    expected_ends = [(*end(i, min(d, far)), is_hit(i, d)) for i, d in speaking if i in chosen]
-    assert np.column_stack((ends, met)) == pytest.approx(np.reshape(expected_ends, (-1, 3)), abs=1e-9)
+    hits = [end(i, d) for i, d in speaking if i in chosen and is_hit(i, d)]
+    assert find_hits(scan, base, far, wanted, others, margin) == pytest.approx(np.reshape(hits, (-1, 2)), abs=1e-9)
     costmap = Costmap(GridGeometry(40, 36, 0.25, origin), make_circle(0.2), CostmapOptions(
         raytrace_max_range=clears, obstacle_max_range=far, teammate_margin=margin
     ))  # fmt: skip

@@ -25,7 +25,7 @@ for _name in dir(lib):
     getattr(lib, _name)
 
 _NAMES = {"bool": "uint8_t", "float32": "float", "float64": "double"}
-_NAMES |= {name: f"{name}_t" for name in ("uint8", "uint16", "uint32", "int32", "int64")}
+_NAMES |= {name: f"{name}_t" for name in ("uint8", "uint16", "uint32", "uint64", "int32", "int64")}
 _POINTERS = {np.dtype(kind): ffi.typeof(f"{name}[]") for kind, name in _NAMES.items()}
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

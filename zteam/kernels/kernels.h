@@ -82,6 +82,10 @@ typedef struct {
     void (*each_arbiter)(void *, void (*)(void *, void *, void *), void *);
 } chipmunk;
 
+/* hashes.c */
+/* Write outputs 1 to `many` of SplitMix64 from each state: (count, many). */
+void hash_counters(const uint64_t *states, int64_t count, int64_t many, uint64_t *out);
+
 /* squares.c: rays against a bitmap */
 int has_avx2(void);
 void fill_squares(const uint8_t *free_cells, int64_t rows, int64_t columns, uint8_t *out);
@@ -291,6 +295,9 @@ int64_t read_ranges(const float *ranges, int64_t count, double least, double mos
    Of all beams `wanted` are looked at, spread evenly. `ends` has room for all. Return how many ends there are. */
 int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
                   int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met);
+/* The same, of those that met something. */
+int64_t find_hits(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
+                  int64_t mate_count, double margin, double *ends, uint8_t *met);
 /* Metres to the nearest hit in a corridor; it looks no further once a hit is nearer than enough. */
 double look_along(const laser_scan *seen, double half_width, double heading, double enough);
 /* The first of some headings whose corridor is clear for some reach, or -1. */

@@ -57,20 +57,18 @@ def _flat(mates: Places) -> tuple[Any, int]:
     return ffi.new("double[]", parts), len(parts) // 3
 
 
-def find_ends(
+def find_hits(
     scan: Sequence[Any], base: Sequence[float], far: float, wanted: int, mates: Places = (), margin: float = 0.0
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
+) -> Floats:
+    """Where the beams of a robot at `base` meet something up to `far` (m) away, in the frame of that pose: (n, 2).
 
-    (n, 2) and (n): beams that say nothing are left out, and those that met something too close to measure. A beam
-    longer than `far` (m) ends there and meets nothing, and so does one that ends on one of `mates` or up to `margin`
-    (m) beside it. Of all beams up to `wanted` are looked at, spread evenly.
+    What is on one of `mates`, or up to `margin` (m) beside it, is left out, and so is what is too close to measure. Of
+    all beams up to `wanted` are looked at, spread evenly.
     """
     seen, beams, _ranges = _scan(scan)
-    (ends, made), (met, flags) = empty(np.float64, beams, 2), empty(np.bool_, beams)
+    ends, made = empty(np.float64, beams, 2)
     given = base, far, min(wanted, beams), *_flat(mates), margin
-    count = lib.find_ends(seen, *given, ffi.new("double[2]"), made, flags)
-    return ends[:count], met[:count]
+    return ends[: lib.find_hits(seen, *given, made, empty(np.uint8, beams)[1])]
 
 
 class Layers:
@@ -115,7 +113,7 @@ class Layers:
     def observe(
         self, scan: Sequence[Any], base: Sequence[float], mates: Places, margin: float, limits: tuple[float, float]
     ) -> None:
-        """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (see `find_ends`) is not
+        """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (see `find_hits`) is not
         marked. `limits`: metres up to which a beam clears, and up to which it marks. Raises ValueError."""
         seen, beams, _ranges = _scan(scan)
         room = empty(np.float64, beams, 2)[1], empty(np.uint8, beams)[1], empty(np.int64, beams, 4)[1]

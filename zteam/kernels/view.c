@@ -91,3 +91,15 @@ int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t 
     }
     return count;
 }
+
+int64_t find_hits(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
+                  int64_t mate_count, double margin, double *ends, uint8_t *met)
+{
+    double laser[2];
+    const int64_t found = find_ends(s, base, far, wanted, mates, mate_count, margin, laser, ends, met);
+    int64_t count = 0;
+    for (int64_t i = 0; i < found; i++)
+        if (met[i])
+            ends[2 * count] = ends[2 * i], ends[2 * count + 1] = ends[2 * i + 1], count++;
+    return count;
+}

@@ -11,7 +11,7 @@ from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
-from zteam.kernels.navigation import find_ends
+from zteam.kernels.navigation import find_hits
 from zteam.navigation.planning.scans import Scan
 from zteam.transforms.rigid import scan_points
 from zteam.view import frames
@@ -67,11 +67,10 @@ def test_all_readers_agree(value: float, meaning: str) -> None:
     assert beams is not None
     assert meaning_of(beams[1][0]) == meaning
     assert math.isnan(scan_points(scan)[0, 0]) is (meaning != HIT)
-    ends, met = find_ends(Scan(ranges, 0.0, 0.1, 0.1, 30.0, Pose2(0.0, 0.0, 0.0)), Pose2(0.0, 0.0, 0.0), 10.0, 1)
     # Where it is that is too close to measure, no cell says.
-    expected = {HIT: (value, True), FREE: (10.0, False)}.get(meaning)
-    found = [(pytest.approx(end[0]), bool(has_met)) for end, has_met in zip(ends, met, strict=True)]
-    assert found == ([] if expected is None else [expected])
+    origin = Pose2(0.0, 0.0, 0.0)
+    hits = find_hits(Scan(ranges, 0.0, 0.1, 0.1, 30.0, origin), origin, 30.0, 1)
+    assert hits[:, 0].tolist() == ([pytest.approx(value)] if meaning == HIT else [])
     frame = frames.encode_frame(1, 1, 0.0, 0.0, [frames.encode_scan(0, 0, scan, Pose2(0.0, 0.0, 0.0), 9)])
     (block,) = decode_frame(frame)[1]
     (steps,) = struct.unpack("<H", block[3][-2:])

@@ -18,7 +18,7 @@ from zteam.config.problems import CheckedOptions
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import FAR, Pose2, normalize_angle
 from zteam.kernels.binding import Floats
-from zteam.kernels.navigation import BeamEnds, find_cluster, find_ends, move_poses, resample
+from zteam.kernels.navigation import BeamEnds, find_cluster, find_hits, move_poses, resample
 from zteam.navigation.planning import likelihood
 from zteam.navigation.planning.grid import NOWHERE, GridMap
 from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
@@ -116,8 +116,7 @@ def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions
     """
     deviation = 0.0 if covariance is None else math.sqrt(max(covariance[0, 0], covariance[1, 1]))
     margin = options.teammate_margin + min(_MOST_DEVIATION, deviation)
-    ends, met = find_ends(scan, NOWHERE, options.farthest, options.max_beams, teammates, margin)
-    return ends[met]
+    return find_hits(scan, NOWHERE, options.farthest, options.max_beams, teammates, margin)
 
 
 class Amcl:
@@ -279,12 +278,13 @@ class Amcl:
     def _resample(self) -> None:
         most = self.options.max_particles
         share = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
-        strangers = self._anywhere(most, _STRANGERS, self._count) if share else np.empty((0, 3))
         draws = uniforms(self._state(_DRAW, self._count), most)[0]
         strange = uniforms(self._state(_MIX, self._count), most)[0] < share if share else np.zeros(most, bool)
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
-        poses = np.concatenate((self._poses, strangers))
+        poses = self._poses
+        if share:
+            poses = np.concatenate((poses, self._anywhere(most, _STRANGERS, self._count)))
         self._poses = resample(poses, sums, draws, strange, self._enough, BIN_SIZE)
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
         if share:
