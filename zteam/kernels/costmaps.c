@@ -73,6 +73,9 @@ static void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x
                         int64_t count, const int64_t *marks, int64_t marked)
 {
     for (int64_t beam = 0; beam < count; beam++) {
+        /* Of most beams another one ends in the same cell. */
+        if (beam > 0 && ends[2 * beam] == ends[2 * beam - 2] && ends[2 * beam + 1] == ends[2 * beam - 1])
+            continue;
         const int64_t dx = ends[2 * beam] - x0, dy = ends[2 * beam + 1] - y0, across = MOST(dx, -dx);
         const int64_t along = MOST(dy, -dy), longest = MOST(across, along);
         for (int64_t step = 0, x = x0, y = y0, sum_x = longest, sum_y = longest; step <= longest; step++) {
@@ -269,6 +272,9 @@ double time_to_collision(const costmap *c, const double *pose, const double *vel
     const double speed = sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1]) + fabs(velocity[2]) * c->radius;
     const double steps = -floor(-(speed * duration / (STEP * c->cell))), interval = duration / steps;
     const double motion[3] = {velocity[0] / c->cell * interval, velocity[1] / c->cell * interval, velocity[2] * interval};
+    /* Nothing is touched where a cell costs less than it would so many cells from a lethal one. */
+    const double wide = c->radius / c->cell + 1.5, far = wide * wide, last = (double)((c->reach + 1) * (c->reach + 1));
+    const uint8_t near = far < last ? c->table[(int64_t)far + 1] : 0;
     double *start_x = c->room, *start_y = start_x + c->corners, x, y, yaw = pose[2] - c->yaw;
     /* No number, or more than could ever be looked at. */
     if (!(steps < FAR))
@@ -284,6 +290,9 @@ double time_to_collision(const costmap *c, const double *pose, const double *vel
             x += cosine * motion[0] - sine * motion[1];
             y += sine * motion[0] + cosine * motion[1];
             yaw += motion[2];
+            if (x >= wide && x < (double)c->columns - wide && y >= wide && y < (double)c->rows - wide
+                && c->costs[(int64_t)y * c->columns + (int64_t)x] < near)
+                continue;
         }
         double *now_x = start_x + (step > 0.0 ? 2 * c->corners : 0), *now_y = now_x + c->corners;
         cosine_sine(yaw, &cosine, &sine);

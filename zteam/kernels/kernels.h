@@ -145,7 +145,7 @@ void change_all(costmap *c);
 /* Lie elsewhere: what was cell (rows, columns) is (0, 0). What lasers have seen keeps its place. */
 void move_costmap(costmap *c, int64_t rows, int64_t columns);
 /* Clear and mark cells as the scan of a base at a pose says; what is met on a teammate (x, y, radius) or up to `margin`
-   beside it is not marked. `limits`: metres up to which a beam clears, and marks. `ends` (beams, 2), `met` (beams) and
+   beside it is not marked. `limits`: metres up to which a beam clears, and marks. `ends` (3 * beams), `met` (beams) and
    `cells` (4 * beams) are room. Return whether all are near enough; else nothing is changed. */
 int observe(costmap *c, const planar_scan *s, const double *base, const double *mates, int64_t mate_count, double margin,
             const double *limits, double *ends, uint8_t *met, int64_t *cells);
@@ -292,7 +292,7 @@ int64_t read_ranges(const float *ranges, int64_t count, double least, double mos
                     double *nearest);
 /* Write where the beams of a base at a pose end (x, y) that say something, and whether each met something that is not on
    a teammate (x, y, radius) or up to `margin` beside it; and where the laser is. A beam longer than `far` ends there.
-   Of all beams `wanted` are looked at, spread evenly. `ends` has room for all. Return how many ends there are. */
+   Of all beams `wanted` are looked at, spread evenly. `ends` has room for 3 numbers a beam. Return how many ends there are. */
 int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
                   int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met);
 /* The same, of those that met something. */

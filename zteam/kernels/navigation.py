@@ -66,9 +66,9 @@ def find_hits(
     all beams up to `wanted` are looked at, spread evenly.
     """
     seen, beams, _ranges = _scan(scan)
-    ends, made = empty(np.float64, beams, 2)
+    ends, made = empty(np.float64, 3 * beams)
     given = base, far, min(wanted, beams), *_flat(mates), margin
-    return ends[: lib.find_hits(seen, *given, made, empty(np.uint8, beams)[1])]
+    return ends[: 2 * lib.find_hits(seen, *given, made, empty(np.uint8, beams)[1])].reshape(-1, 2)
 
 
 class Layers:
@@ -116,7 +116,7 @@ class Layers:
         """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (see `find_hits`) is not
         marked. `limits`: metres up to which a beam clears, and up to which it marks. Raises ValueError."""
         seen, beams, _ranges = _scan(scan)
-        room = empty(np.float64, beams, 2)[1], empty(np.uint8, beams)[1], empty(np.int64, beams, 4)[1]
+        room = empty(np.float64, beams, 3)[1], empty(np.uint8, beams)[1], empty(np.int64, beams, 4)[1]
         if not lib.observe(self._c, seen, base, *_flat(mates), margin, limits, *room):
             raise ValueError("ranges: a beam ends too far away")
 

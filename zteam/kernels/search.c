@@ -201,17 +201,17 @@ static void place_beside(const int64_t *points, int64_t count, int64_t i, double
 static void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
                   double width, double *best, int64_t *before, int64_t *moved)
 {
-    int64_t side = 0;
+    int64_t side = 0, places[2][SIDES][2];
     for (int64_t i = 0; i < count; i++)
         for (int64_t k = 0; k < SIDES; k++) {
-            int64_t from[2], to[2], *come = before + SIDES * i + k;
+            int64_t(*from)[2] = places[(i + 1) % 2], *to = places[i % 2][k], *come = before + SIDES * i + k;
             double *least = best + SIDES * i + k;
             *least = i == 0 ? 0.0 : INFINITY;
             *come = 0;
             place_beside(points, count, i, (double)(k - SIDES / 2) * width, rows, columns, to);
             for (int64_t j = 0; i > 0 && j < SIDES; j++) {
-                place_beside(points, count, i - 1, (double)(j - SIDES / 2) * width, rows, columns, from);
-                const double cost = best[SIDES * (i - 1) + j] + measure_line(weights, columns, from, to, INFINITY);
+                const double so_far = best[SIDES * (i - 1) + j];
+                const double cost = so_far + measure_line(weights, columns, from[j], to, *least - so_far);
                 if (cost < *least)
                     *least = cost, *come = j;
             }

@@ -2,6 +2,9 @@
 #include "kernels.h"
 #include "sines.h"
 
+#define LEAST(a, b) ((a) < (b) ? (a) : (b))
+#define MOST(a, b) ((a) > (b) ? (a) : (b))
+
 void see_poses(const double *poses, int64_t count, int64_t own, double *seen)
 {
     const double *here = poses + 4 * own;
@@ -71,21 +74,21 @@ static int is_on(const double *mates, int64_t count, double margin, double x, do
 int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
                   int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met)
 {
-    /* An end is written where no distance is that is still to be read. */
-    double *distances = ends + s->beams, nearest, cosine, sine;
-    const double most = s->most < far ? s->most : far, first = s->start + base[2] + s->yaw;
+    double *distances = ends + 2 * s->beams, nearest, cosine, sine;
+    const double most = LEAST(s->most, far), first = s->start + base[2] + s->yaw;
     int64_t count = 0;
     cosine_sine(base[2], &cosine, &sine);
     laser[0] = base[0] + cosine * s->x - sine * s->y, laser[1] = base[1] + sine * s->x + cosine * s->y;
     read_ranges(s->ranges, s->beams, s->least, s->most, 0.0, distances, &nearest);
+    /* By itself this is vector code. */
+    for (int64_t k = 0; k < wanted; k++)
+        cosine_sine(first + s->step * (double)(k * (s->beams - 1) / MOST(wanted - 1, 1)), ends + 2 * k, ends + 2 * k + 1);
     for (int64_t k = 0; k < wanted; k++) {
-        const int64_t i = wanted > 1 ? k * (s->beams - 1) / (wanted - 1) : 0;
-        const double distance = distances[i], length = distance < most ? distance : most;
+        const double distance = distances[k * (s->beams - 1) / MOST(wanted - 1, 1)], length = LEAST(distance, most);
         /* What is not a number is not above 0 either. */
         if (!(distance > 0.0))
             continue;
-        cosine_sine(first + s->step * (double)i, &cosine, &sine);
-        const double x = laser[0] + length * cosine, y = laser[1] + length * sine;
+        const double x = laser[0] + length * ends[2 * k], y = laser[1] + length * ends[2 * k + 1];
         ends[2 * count] = x, ends[2 * count + 1] = y;
         met[count++] = distance <= far && !is_on(mates, mate_count, margin, x, y);
     }
