@@ -142,34 +142,41 @@ static double measure_line(const uint8_t *weights, int64_t columns, const int64_
 {
     const int64_t dx = MOST(to[0] - from[0], from[0] - to[0]), dy = MOST(to[1] - from[1], from[1] - to[1]);
     const int64_t step_x = to[0] > from[0] ? 1 : -1, step_y = to[1] > from[1] ? columns : -columns;
-    /* Along the line time runs in whole ticks: it crosses sides of cells every 2 dy and every 2 dx of them. */
-    const int64_t every_x = dx == 0 ? 0 : 2 * MOST(dy, 1), every_y = 2 * MOST(dx, 1);
-    const int64_t total = dx > 0 ? every_x * dx : 2 * dy;
+    const int64_t step = dx > dy ? step_x : step_y, aside = dx > dy ? step_y : step_x;
+    /* Along the line time runs in whole ticks: it crosses sides of cells every `every` of them, and sides that are along
+       it, at most one between two others, every 2 * `steps`. */
+    const int64_t steps = MOST(dx, dy), every = 2 * MOST(LEAST(dx, dy), 1), total = every * steps;
     if (total == 0)
         return 0.0;
     const double length = sqrt((double)(dx * dx + dy * dy));
     const double bound = most / length * (double)total * (1.0 + 1e-9) + 1.0;
-    int64_t next_x = every_x / 2, next_y = every_y / 2, now = 0, ticks = 0, cell = from[1] * columns + from[0];
-    for (int64_t left_x = dx, left_y = dy; left_x > 0 || left_y > 0;) {
-        const int64_t weight = weights[cell];
-        if (weight == 0 || (double)ticks > bound)
+    const int64_t limit = bound < 9e18 ? (int64_t)bound : INT64_MAX;
+    int64_t next = every / 2, next_aside = LEAST(dx, dy) > 0 ? steps : INT64_MAX, now = 0, ticks = 0;
+    const uint8_t *cell = weights + from[1] * columns + from[0];
+    for (int64_t k = 0; k < steps; k++, cell += step, next += every) {
+        if (*cell == 0 || ticks > limit)
             return INFINITY;
-        const int by_x = left_y == 0 || (left_x > 0 && next_x <= next_y);
-        const int by_y = left_x == 0 || (left_y > 0 && next_y <= next_x);
-        /* Through a corner: as with steps, both cells beside it must be free. */
-        if (by_x && by_y && (weights[cell + step_x] == 0 || weights[cell + step_y] == 0))
-            return INFINITY;
-        const int64_t next = by_x ? next_x : next_y;
-        ticks += weight * (next - now);
+        if (next_aside < next) {
+            ticks += *cell * (next_aside - now);
+            now = next_aside;
+            next_aside += 2 * steps;
+            cell += aside;
+            if (*cell == 0)
+                return INFINITY;
+        }
+        ticks += *cell * (next - now);
         now = next;
-        if (by_x)
-            next_x += every_x, cell += step_x, left_x--;
-        if (by_y)
-            next_y += every_y, cell += step_y, left_y--;
+        if (next_aside == next) {
+            /* Through a corner: as with steps, both cells beside it must be free. */
+            if (cell[step] == 0 || cell[aside] == 0)
+                return INFINITY;
+            next_aside += 2 * steps;
+            cell += aside;
+        }
     }
-    if (weights[cell] == 0)
+    if (*cell == 0)
         return INFINITY;
-    ticks += weights[cell] * (total - now);
+    ticks += *cell * (total - now);
     return length * ((double)ticks / (double)total);
 }
 
