@@ -197,7 +197,7 @@ int64_t resample(const double *poses, const double *sums, int64_t count, const d
                  int64_t *guide, double *out);
 void find_cluster(const double *poses, const double *weights, int64_t count, const double *size, int64_t turns,
                   int64_t *table, int64_t mask, int64_t *cluster, int64_t *stack, double *totals, int64_t *labels,
-                  double *moments);
+                  double *mean, double *covariance);
 
 /* A pose, with the cosine and the sine of its yaw. */
 typedef struct {

@@ -375,19 +375,19 @@ def resample(
     return out[:found]
 
 
-def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tuple[Cells, Floats, Floats]:
+def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tuple[Cells, list[float], Floats]:
     """Clusters of particles (n, 3): those whose bins touch, if only at a corner. Return labels (n), the same in each.
 
-    Also the moments (4, 4) of the heaviest one: the sums of weight times products of 1, x, y, turn, counted from the
-    heaviest of its particles; and that particle (3). `turns` bins make a full turn. Raises ValueError.
+    Also the mean (x, y, yaw) and the covariance (3, 3) of the heaviest one. `turns` bins make a full turn. Raises
+    ValueError.
     """
     count = len(poses)
     if not (count and 0 < turns <= 64 and min(size) > 0.0):
         raise ValueError(f"poses, turns, size: {count} poses, {turns}, {size}")
     table, mask = _table(count)
     (_, cluster), (_, stack), (labels, own) = empty(np.int64, mask + 1), empty(np.int64, count), empty(np.int64, count)
-    (totals, sums), (moments, made) = empty(np.float64, count), empty(np.float64, 19)
-    totals[:], moments[:] = 0.0, 0.0
+    (totals, sums), (covariance, made), mean = empty(np.float64, count), empty(np.float64, 3, 3), ffi.new("double[3]")
+    totals[:] = 0.0
     particles = memory("poses", poses, count, 3), memory("weights", weights, count), count
-    lib.find_cluster(*particles, size, turns, table, mask, cluster, stack, sums, own, made)
-    return labels, moments[:16].reshape(4, 4), moments[16:]
+    lib.find_cluster(*particles, size, turns, table, mask, cluster, stack, sums, own, mean, made)
+    return labels, list(mean), covariance

@@ -143,12 +143,11 @@ int64_t resample(const double *poses, const double *sums, int64_t count, const d
     return most;
 }
 
-/* Give particles whose bins touch, if only at a corner, the same label, and add up the heaviest cluster's moments: the
-   weights times the products of 1, x, y and turn, (4, 4), counted from its heaviest particle, which follows (3).
-   `turns` bins make a full turn: the last one touches the first. */
+/* Give particles whose bins touch, if only at a corner, the same label, and write the mean (3) and the covariance (3, 3)
+   of the heaviest cluster. `turns` bins make a full turn: the last one touches the first. */
 void find_cluster(const double *poses, const double *weights, int64_t count, const double *size, int64_t turns,
                   int64_t *table, int64_t mask, int64_t *cluster, int64_t *stack, double *totals, int64_t *labels,
-                  double *moments)
+                  double *mean, double *covariance)
 {
     int64_t clusters = 0;
     for (int64_t i = 0; i < count; i++) {
@@ -183,6 +182,7 @@ void find_cluster(const double *poses, const double *weights, int64_t count, con
         if (labels[i] == best && (about < 0 || weights[i] > weights[about]))
             about = i;
     const double *q = poses + 3 * about;
+    /* Of the weights times the products of 1, x, y and turn, counted from there. */
     double sums[16] = {0.0};
     for (int64_t i = 0; i < count; i++) {
         if (labels[i] != best)
@@ -192,6 +192,11 @@ void find_cluster(const double *poses, const double *weights, int64_t count, con
         for (int k = 0; k < 16; k++)
             sums[k] += weights[i] * terms[k / 4] * terms[k % 4];
     }
-    memcpy(moments, sums, sizeof sums);
-    memcpy(moments + 16, q, 3 * sizeof *q);
+    for (int k = 15; k >= 0; k--)
+        sums[k] /= sums[0];
+    for (int i = 0; i < 3; i++) {
+        mean[i] = q[i] + sums[1 + i];
+        for (int k = 0; k < 3; k++)
+            covariance[3 * i + k] = sums[4 * (1 + i) + 1 + k] - sums[1 + i] * sums[1 + k];
+    }
 }

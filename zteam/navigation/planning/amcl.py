@@ -223,7 +223,8 @@ class Amcl:
         self._move(before, odom)
         self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
-            heaviest = self._poses[[self._weights.argmax()]]
+            most = int(self._weights.argmax())
+            heaviest = self._poses[most : most + 1]
             self._resample()
             fitting, share = self._match(field, beams, heaviest), self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
@@ -354,8 +355,5 @@ def kld_limits(least: int, most: int, error: float, quantile: float) -> NDArray[
 
 def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, Floats]:
     """The mean and covariance (3, 3) of the heaviest cluster of particles (n, 3)."""
-    _, moments, about = find_cluster(poses, weights, BIN_SIZE, _BINS_OF_TURN)
-    moments /= moments[0, 0]
-    mean = moments[0, 1:]
-    x, y, yaw = (about + mean).tolist()
-    return Pose2(x, y, normalize_angle(yaw)), moments[1:, 1:] - np.outer(mean, mean)
+    _, (x, y, yaw), covariance = find_cluster(poses, weights, BIN_SIZE, _BINS_OF_TURN)
+    return Pose2(x, y, normalize_angle(yaw)), covariance

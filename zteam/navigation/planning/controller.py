@@ -153,15 +153,14 @@ class RegulatedPurePursuit:
     def _carrot(self, pose: Pose2, reach: float) -> tuple[float, float]:
         """The point to drive to, in the robot's frame: where the path leaves the circle of this radius (m)."""
         far = self._place.leave(pose.x, pose.y, reach)
-        x, y, _ = self._path[far].tolist()
-        if far > self._place.at:
-            # Between two poses: linear in the distance, which is close enough for poses a cell apart.
-            to_x, to_y = x, y
-            x, y, _ = self._path[far - 1].tolist()
-            near = float(np.hypot(x - pose.x, y - pose.y))
-            share = (reach - near) / max(float(np.hypot(to_x - pose.x, to_y - pose.y)) - near, 1e-9)
-            x, y = x + share * (to_x - x), y + share * (to_y - y)
-        return pose.locate(x, y)
+        if far <= self._place.at:
+            x, y, _ = self._path[far].tolist()
+            return pose.locate(x, y)
+        # Between two poses: linear in the distance, which is close enough for poses a cell apart.
+        (x, y, _), (to_x, to_y, _) = self._path[far - 1 : far + 1].tolist()
+        near, away = np.hypot((x - pose.x, to_x - pose.x), (y - pose.y, to_y - pose.y)).tolist()
+        share = (reach - near) / max(away - near, 1e-9)
+        return pose.locate(x + share * (to_x - x), y + share * (to_y - y))
 
     def _rotate(self, velocity: Velocity, angle: float, seconds: float) -> tuple[Velocity, float]:
         """A turn on the spot by `angle`, and the seconds for which it must be free."""

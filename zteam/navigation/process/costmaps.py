@@ -73,7 +73,8 @@ class Costmaps:
         self._cell = row, column
         # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
         corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
-        self.local.move(frame._replace(origin=here.map_from_odom.compose(corner)), rows, columns)
+        origin = here.map_from_odom.compose(corner)
+        self.local.move(GridGeometry(frame.rows, frame.columns, frame.resolution, origin), rows, columns)
         _update(self.local, here, frame.resolution * math.hypot(frame.rows, frame.columns))
 
 

@@ -180,8 +180,7 @@ def _header(now: int) -> messages.Header:
 def _path_content(now: int, path: Floats) -> bytes:
     """A nav_msgs/Path in CDR: to make a message of each of its poses takes longer than to plan them."""
     header, poses = _header(now), np.zeros(len(path), _CDR_POSE)
-    poses["next"] = np.void(messages.encode(header)[4:])
-    pose, half = poses["pose"], 0.5 * path[:, 2]
-    pose[:, 0], pose[:, 1], pose[:, 5], pose[:, 6] = path[:, 0], path[:, 1], np.sin(half), np.cos(half)
     first = messages.encode(messages.Path(header, [messages.PoseStamped(header)] * min(1, len(path))))
+    pose, half, poses["next"] = poses["pose"], 0.5 * path[:, 2], np.void(first[4:20])
+    pose[:, :2], pose[:, 5], pose[:, 6] = path[:, :2], np.sin(half), np.cos(half)
     return first[:20] + len(path).to_bytes(4, "little") + first[24:44] + poses.tobytes()[:-16]
