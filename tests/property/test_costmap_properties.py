@@ -69,7 +69,7 @@ def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int, 
     assert np.array_equal(layers.costs, whole)
     assert layers.update(()) is None
     layers.costs[:] = 7
-    x, y, radius = rng.uniform(-4.0, 28.0, 2).tolist() + [float(rng.uniform(0.0, 6.0))]
+    x, y, radius = (rng.random(3) * (32.0, 32.0, 6.0) - (4.0, 4.0, 0.0)).tolist()
     layers.change((x, y, radius))
     window = layers.update(())
     expected = np.full_like(costs, 7)

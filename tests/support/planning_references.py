@@ -75,7 +75,8 @@ def straighten(weights: np.ndarray, way: np.ndarray, stride: int, reach: int, sp
         sides = np.clip(sides, 0, np.array(weights.shape)[::-1] - 1)
         ways = [(0.0, [place]) for place in sides[0]]
         for places in sides[1:]:
-            lines = [measure_lines(weights, np.array([way[-1] for _, way in ways]), np.tile(to, (7, 1))) for to in places]
+            begins = np.array([way[-1] for _, way in ways])
+            lines = [measure_lines(weights, begins, np.tile(to, (7, 1))) for to in places]
             costs = [[cost + more for (cost, _), more in zip(ways, line.tolist(), strict=True)] for line in lines]
             chosen = [row.index(min(row)) for row in costs]
             ways = [(row[k], [*ways[k][1], to]) for row, k, to in zip(costs, chosen, places, strict=True)]

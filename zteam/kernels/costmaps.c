@@ -174,7 +174,8 @@ int observe(costmap *c, const planar_scan *s, const double *base, const double *
 
 void clear_outline(costmap *c, const double *pose)
 {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, cosine, sine, *u = c->room, *v = u + c->corners;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, cosine, sine;
+    double *u = c->room, *v = u + c->corners;
     cosine_sine(pose[2], &cosine, &sine);
     for (int64_t i = 0; i < c->corners; i++) {
         const double ahead = c->outline[2 * i], aside = c->outline[2 * i + 1];
@@ -271,7 +272,8 @@ double time_to_collision(const costmap *c, const double *pose, const double *vel
 {
     const double speed = sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1]) + fabs(velocity[2]) * c->radius;
     const double steps = -floor(-(speed * duration / (STEP * c->cell))), interval = duration / steps;
-    const double motion[3] = {velocity[0] / c->cell * interval, velocity[1] / c->cell * interval, velocity[2] * interval};
+    const double ahead = velocity[0] / c->cell, aside = velocity[1] / c->cell;
+    const double motion[3] = {ahead * interval, aside * interval, velocity[2] * interval};
     /* Nothing is touched where a cell costs less than it would so many cells from a lethal one. */
     const double wide = c->radius / c->cell + 1.5, far = wide * wide, last = (double)((c->reach + 1) * (c->reach + 1));
     const uint8_t near = far < last ? c->table[(int64_t)far + 1] : 0;
@@ -297,9 +299,9 @@ double time_to_collision(const costmap *c, const double *pose, const double *vel
         double *now_x = start_x + (step > 0.0 ? 2 * c->corners : 0), *now_y = now_x + c->corners;
         cosine_sine(yaw, &cosine, &sine);
         for (int64_t i = 0; i < c->corners; i++) {
-            const double ahead = c->outline[2 * i] / c->cell, aside = c->outline[2 * i + 1] / c->cell;
-            now_x[i] = x + cosine * ahead - sine * aside;
-            now_y[i] = y + sine * ahead + cosine * aside;
+            const double corner_x = c->outline[2 * i] / c->cell, corner_y = c->outline[2 * i + 1] / c->cell;
+            now_x[i] = x + cosine * corner_x - sine * corner_y;
+            now_y[i] = y + sine * corner_x + cosine * corner_y;
             if (!(fabs(now_x[i]) < FAR && fabs(now_y[i]) < FAR))
                 return (step - 1.0) * interval;
             low[0] = LEAST(now_x[i], low[0]), high[0] = MOST(now_x[i], high[0]);

@@ -134,7 +134,7 @@ typedef struct {
     uint8_t *fixed, *seen, *base, *costs; /* the map; what lasers have seen; both, and teammates; the same, inflated */
     const uint8_t *table;                 /* costs by squared distance in cells, up to that of `reach` + 1 */
     int64_t reach, unknown_from;          /* from this cost on a cell without information gets one */
-    int64_t changed[4];                   /* rows and columns, from and to, in which layers have changed since the update */
+    int64_t changed[4];                   /* rows and columns, from and to: where layers have changed since the update */
     const double *outline;                /* (corners, 2), metres in the base frame */
     int64_t corners;
     double radius;                        /* metres to the farthest corner */
@@ -292,7 +292,7 @@ int64_t read_ranges(const float *ranges, int64_t count, double least, double mos
                     double *nearest);
 /* Write where the beams of a base at a pose end (x, y) that say something, and whether each met something that is not on
    a teammate (x, y, radius) or up to `margin` beside it; and where the laser is. A beam longer than `far` ends there.
-   Of all beams `wanted` are looked at, spread evenly. `ends` has room for 3 numbers a beam. Return how many ends there are. */
+   Of all beams `wanted` are looked at, spread evenly. `ends` has room for 3 numbers a beam. Return how many there are. */
 int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t wanted, const double *mates,
                   int64_t mate_count, double margin, double *laser, double *ends, uint8_t *met);
 /* The same, of those that met something. */

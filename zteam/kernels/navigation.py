@@ -74,13 +74,13 @@ def find_hits(
 class Layers:
     """The layers of a costmap (rows, columns), for one robot. Lengths are in metres."""
 
-    def __init__(
-        self, shape: tuple[int, int], outline: Floats, radius: float, table: Bytes, unknown_from: int
-    ) -> None:
+    def __init__(self, shape: tuple[int, int], outline: Floats, radius: float, table: Bytes, unknown_from: int) -> None:
         """`outline` (n, 2): the robot's corners in its base frame, up to `radius` from there. `table`: costs by squared
         distance in cells, up to that of one cell beyond those that are inflated; a cell without information gets a cost
         from `unknown_from` on. Raises ValueError."""
-        reach = math.isqrt(len(table) - 1) - 1
+        reach = math.isqrt(max(1, len(table) - 1)) - 1
+        if reach > MAX_CELLS or not len(outline):
+            raise ValueError(f"table, outline: it inflates by {reach} cells, or there are no corners")
         self.fixed, self.seen, self.base, self.costs = (np.full(shape, cost, np.uint8) for cost in (0, 255, 0, 0))
         """What the map says; what lasers have seen; both, and teammates; the same, inflated."""
         grids = [memory("shape", grid, *shape, out=True) for grid in (self.fixed, self.seen, self.base, self.costs)]
@@ -113,8 +113,8 @@ class Layers:
     def observe(
         self, scan: Sequence[Any], base: Sequence[float], mates: Places, margin: float, limits: tuple[float, float]
     ) -> None:
-        """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (see `find_hits`) is not
-        marked. `limits`: metres up to which a beam clears, and up to which it marks. Raises ValueError."""
+        """Clear and mark cells as the beams of a robot at `base` say; what they meet on `mates` (as in `find_hits`) is
+        not marked. `limits`: metres up to which a beam clears, and up to which it marks. Raises ValueError."""
         seen, beams, _ranges = _scan(scan)
         room = empty(np.float64, beams, 3)[1], empty(np.uint8, beams)[1], empty(np.int64, beams, 4)[1]
         if not lib.observe(self._c, seen, base, *_flat(mates), margin, limits, *room):

@@ -206,7 +206,7 @@ static void place_beside(const int64_t *points, int64_t count, int64_t i, double
 /* Write the cheapest way through one place beside each point of a way (count, 2: column, row): itself, or up to 3 widths
    to a side. Dynamic programming; `best` and `before` have room for SIDES a point. */
 static void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, const int64_t *points, int64_t count,
-                  double width, double *best, int64_t *before, int64_t *moved)
+                         double width, double *best, int64_t *before, int64_t *moved)
 {
     int64_t side = 0, places[2][SIDES][2];
     for (int64_t i = 0; i < count; i++)
@@ -232,8 +232,8 @@ static void shift_points(const uint8_t *weights, int64_t rows, int64_t columns, 
 
 /* Find the cheapest way along lines that join every `stride`th cell of a way, and the last, to such cells up to `reach`
    cells before: dynamic programming. `best` becomes what the way to each cell costs, `before` where its line begins. */
-static void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
-             double least, double *best, int64_t *before)
+static void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride,
+                    int64_t reach, double least, double *best, int64_t *before)
 {
     best[0] = 0.0, before[0] = -1;
     for (int64_t i = 1; i < count; i++) {

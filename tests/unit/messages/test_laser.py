@@ -9,9 +9,9 @@ import pytest
 from studies.view.frames import decode_frame
 from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
+from zteam.kernels.navigation import find_hits
 from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
-from zteam.kernels.navigation import find_hits
 from zteam.navigation.planning.scans import Scan
 from zteam.transforms.rigid import scan_points
 from zteam.view import frames

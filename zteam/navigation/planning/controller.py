@@ -18,6 +18,7 @@ from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import PathPlace
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
+
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
     """Seconds until a robot with `velocity` touches a lethal cell that it does not touch at `pose`; inf if later."""
     return costmap.layers.time_to_collision(pose, velocity, duration)

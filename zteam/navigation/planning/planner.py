@@ -15,7 +15,7 @@ from zteam.config.problems import CheckedOptions
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.kernels import navigation as kernels
-from zteam.kernels.binding import Bytes, Cells, Floats
+from zteam.kernels.binding import Cells, Floats
 from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
 
@@ -113,7 +113,7 @@ class Field:
     def _nearest(self, cells: NDArray[Any], nothing: int, goal: tuple[int, int], tolerance: float) -> int | None:
         """The index of the cell other than `nothing` that is nearest to the goal, up to `tolerance` cells from it."""
         if self.holds(*goal) and cells[goal[0] + 1, goal[1] + 1] != nothing:
-            return (goal[0] + 1) * cells.shape[1] + goal[1] + 1
+            return int((goal[0] + 1) * cells.shape[1] + goal[1] + 1)
         reach = int(tolerance)
         low, left = max(0, goal[0] + 1 - reach), max(0, goal[1] + 1 - reach)
         part = cells[low : max(0, goal[0] + 2 + reach), left : max(0, goal[1] + 2 + reach)]
