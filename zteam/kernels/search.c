@@ -150,7 +150,7 @@ static double measure_line(const uint8_t *weights, int64_t columns, const int64_
         return 0.0;
     const double length = sqrt((double)(dx * dx + dy * dy));
     const double bound = most / length * (double)total * (1.0 + 1e-9) + 1.0;
-    const int64_t limit = bound < 9e18 ? (int64_t)bound : INT64_MAX;
+    const int64_t limit = (int64_t)MOST(LEAST(bound, 9e18), -1.0);
     int64_t next = every / 2, next_aside = LEAST(dx, dy) > 0 ? steps : INT64_MAX, now = 0, ticks = 0;
     const uint8_t *cell = weights + from[1] * columns + from[0];
     for (int64_t k = 0; k < steps; k++, cell += step, next += every) {
