@@ -361,34 +361,65 @@ static void look_up(void)
     tell("transforms");
 }
 
-/* A laser marks a grid among teammates, footprints are filled, and ways are moved aside. */
-static void mark(void)
+/* A costmap moves among drawn scans and teammates, and a way leads over it. */
+static void navigate(void)
 {
-    enum { ENDS = 60, WAY = 9, SIDES = 7 };
-    static uint8_t costs[ROWS * COLUMNS], met[ENDS];
-    static int64_t cells[4 * ENDS], before[SIDES * WAY];
-    const double limits[3] = {4.0, 3.0, 0.02}, outline[4][2] = {{0.3, 0.2}, {-0.3, 0.2}, {-0.3, -0.2}, {0.3, -0.2}};
-    const grid_frame f = {-7.0, -5.0, 0.995, 0.0998, 0.05};
-    double points[ENDS][2], best[SIDES * WAY], corners_in_cells[8];
-    for (int round = 0; round < 100; round++) {
-        const double at_x = drawn(-6.0, 6.0), at_y = drawn(-4.0, 4.0), pose[3] = {at_x, at_y, drawn(-3.0, 3.0)};
-        const double mates[3] = {pose[0] + 1.0, pose[1], drawn(0.1, 0.5)};
-        int64_t box[4], way[WAY][2], moved[WAY][2];
-        for (int i = 0; i < ENDS; i++) {
-            points[i][0] = pose[0] + drawn(-5.0, 5.0), points[i][1] = pose[1] + drawn(-5.0, 5.0);
-            met[i] = drawn(0.0, 1.0) < 0.7;
-        }
-        observe(costs, ROWS, COLUMNS, &f, pose, points[0], met, ENDS, mates, 1, limits, cells, box);
-        add(box, sizeof box);
-        fill_outline(costs, ROWS, COLUMNS, &f, outline[0], 4, pose, 0, corners_in_cells, box);
-        fill_disc(costs, ROWS, COLUMNS, drawn(0.0, COLUMNS), 0.5 * ROWS, 3.3, 100);
-        for (int i = 0; i < WAY; i++)
-            way[i][0] = 20 * i + (int64_t)drawn(0.0, 15.0), way[i][1] = (int64_t)drawn(10.0, ROWS - 10);
-        shift_points(costs, ROWS, COLUMNS, way[0], WAY, 4.0, best, before, moved[0]);
-        add(best, sizeof best), add(moved, sizeof moved);
+    enum { CELLS = 120, SEEN = 300, REACH = 9, WIDE = CELLS + 2, ROOM = 6 * CELLS * CELLS };
+    static uint8_t layers[4][CELLS * CELLS], table[(REACH + 1) * (REACH + 1) + 1], weights[WIDE * WIDE], met[SEEN];
+    static uint32_t costs[WIDE * WIDE];
+    static double ends[3 * SEEN], best[7 * ROOM], path[3 * ROOM], along[ROOM], hits[CELLS];
+    static int64_t cells[4 * SEEN], way[ROOM], points[ROOM], before[7 * ROOM], spaced[2 * ROOM], moved[2 * ROOM];
+    static int64_t out[2 * ROOM];
+    static float ranges[SEEN];
+    static uint64_t hashes[2][SEEN];
+    double outline[4][2] = {{0.2, 0.15}, {-0.2, 0.15}, {-0.2, -0.15}, {0.2, -0.15}}, room[4][4];
+    costmap c = {CELLS, CELLS, -3.0, -3.0, 0.995, 0.0998, 0.05, 0.1, layers[0], layers[1], layers[2], layers[3], table,
+                 REACH, 253, {0, CELLS, 0, CELLS}, outline[0], 4, 0.25, room[0]};
+    const planar_scan s = {ranges, SEEN, -2.0, 4.0 / SEEN, 0.1, 5.0, 0.1, 0.0, 0.05};
+    const int64_t steps[3] = {70, 99, 50};
+    const uint64_t states[2] = {1, 1u << 31};
+    int64_t box[4];
+    memset(layers[1], 255, sizeof layers[1]);
+    for (int i = 0; i <= REACH * REACH; i++)
+        table[i] = (uint8_t)(i ? 253 - 3 * i : 254);
+    for (int round = 0; round < 20; round++) {
+        const double x = drawn(-1.0, 1.0), y = drawn(-1.0, 1.0), turn = drawn(-3.0, 3.0), pose[3] = {x, y, turn};
+        const double mate_x = drawn(-2.0, 2.0), mates[3] = {mate_x, 1.5, 0.3}, limits[2] = {3.0, 2.5};
+        const double motion[3] = {0.5, 0.0, 0.3 * turn};
+        for (int i = 0; i < SEEN; i++)
+            ranges[i] = (float)(i % 7 ? drawn(0.5, 4.0) : INFINITY);
+        move_costmap(&c, round % 3 - 1, round % 5 - 2);
+        observe(&c, &s, pose, mates, 1, 0.1, limits, ends, met, cells);
+        clear_outline(&c, pose);
+        change_disc(&c, mates, round % 2);
+        update_costmap(&c, mates, 1, box);
+        hits[round] = time_to_collision(&c, pose, motion, 2.0) + cost_at(&c, x, y);
+        const int64_t found = find_hits(&s, pose, 4.0, 60, mates, 1, 0.1, ends, met);
+        add(layers, sizeof layers), add(box, sizeof box), add(hits, sizeof hits);
+        add(ends, (size_t)found * 2 * sizeof *ends);
     }
-    add(costs, sizeof costs);
-    tell("grids");
+    tell("costmaps");
+    weigh_cells(layers[3], CELLS, CELLS, 50, 204, 253, 236, weights);
+    memset(costs, 255, sizeof costs);
+    const int64_t start = 30 * WIDE + 30, goal = 90 * WIDE + 95;
+    const int is_found = weights[start] && weights[goal] && search(weights, WIDE, start, goal, steps, costs, box) == 1;
+    const int64_t count = is_found ? trace(weights, WIDE, start, goal, steps, costs, way, ROOM) : 0;
+    for (int64_t i = 0; i < count; i++)
+        points[2 * i] = way[i] % WIDE, points[2 * i + 1] = way[i] / WIDE;
+    int64_t corners = 0;
+    if (count)
+        corners = straighten(weights, WIDE, WIDE, points, count, 4, 320, 20, 50.0, best, before, spaced, moved, out);
+    for (int64_t i = 0; i < 2 * corners; i++)
+        best[i] = 0.05 * (double)out[i];
+    const int64_t poses = lay_path(best, corners, 0.3, 0.05, path);
+    for (int64_t i = 1; i < poses; i++)
+        along[i] = along[i - 1] + 0.05;
+    const int64_t at = poses ? find_place(path, along, poses, 0, 3.0, 2.0, 2.0) : -1;
+    const int64_t carrot = poses ? leave_circle(path, poses, at, 0.6, 2.0, 2.0) : -1;
+    hash_counters(states, 2, SEEN, hashes[0]);
+    add(&count, sizeof count), add(out, (size_t)corners * 2 * sizeof *out), add(path, (size_t)poses * 3 * sizeof *path);
+    add(&at, sizeof at), add(&carrot, sizeof carrot), add(hashes, sizeof hashes);
+    tell("ways");
 }
 
 int main(void)
@@ -400,10 +431,10 @@ int main(void)
     drive();
     localise();
     look();
+    navigate();
     escape();
     draw_trail();
     form();
     look_up();
-    mark();
     return 0;
 }
