@@ -76,15 +76,19 @@ int64_t find_ends(const planar_scan *s, const double *base, double far, int64_t 
 {
     double *distances = ends + 2 * s->beams, nearest, cosine, sine;
     const double most = LEAST(s->most, far), first = s->start + base[2] + s->yaw;
-    int64_t count = 0, apart = MOST(wanted - 1, 1);
+    int64_t count = 0;
     cosine_sine(base[2], &cosine, &sine);
     laser[0] = base[0] + cosine * s->x - sine * s->y, laser[1] = base[1] + sine * s->x + cosine * s->y;
     read_ranges(s->ranges, s->beams, s->least, s->most, 0.0, distances, &nearest);
-    /* By itself this is vector code. */
-    for (int64_t k = 0; k < wanted; k++)
-        cosine_sine(first + s->step * (double)(k * (s->beams - 1) / apart), ends + 2 * k, ends + 2 * k + 1);
     for (int64_t k = 0; k < wanted; k++) {
-        const double distance = distances[k * (s->beams - 1) / apart], length = LEAST(distance, most);
+        const int64_t i = wanted < s->beams ? k * (s->beams - 1) / MOST(wanted - 1, 1) : k;
+        ends[2 * k] = first + s->step * (double)i;
+        distances[k] = distances[i];
+    }
+    for (int64_t k = 0; k < wanted; k++)
+        cosine_sine(ends[2 * k], ends + 2 * k, ends + 2 * k + 1);
+    for (int64_t k = 0; k < wanted; k++) {
+        const double distance = distances[k], length = LEAST(distance, most);
         /* What is not a number is not above 0 either. */
         if (!(distance > 0.0))
             continue;
