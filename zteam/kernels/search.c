@@ -73,15 +73,14 @@ int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int6
             continue;
         const int64_t y = cell / (uint32_t)columns, x = cell - y * columns;
         bottom = LEAST(y, bottom), top = MOST(y, top), left = LEAST(x, left), right = MOST(x, right);
-        int open[4];
+        const uint8_t *here = weights + cell;
+        const int open[4] = {here[1] > 0, here[-1] > 0, here[columns] > 0, here[-columns] > 0};
+#pragma GCC unroll 8
         for (int k = 0; k < 8; k++) {
             const int64_t to = cell + move_y[k] * columns + move_x[k], weight = weights[to];
-            if (k < 4)
-                open[k] = weight > 0;
-            if (weight == 0 || (k >= 4 && !(open[k & 1] && open[2 + (k - 4) / 2])))
-                continue;
             const int64_t new = cost + (k < 4 ? straight : diagonal) * weight;
-            if (new >= costs[to])
+            /* Most cells that can be entered have been, for less. */
+            if (new >= costs[to] || weight == 0 || (k >= 4 && !(open[k & 1] && open[2 + (k - 4) / 2])))
                 continue;
             costs[to] = (uint32_t)new;
             int64_t dx = x + move_x[k] - goal_x, dy = y + move_y[k] - goal_y;
