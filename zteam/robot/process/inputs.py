@@ -43,11 +43,10 @@ class TransformInputs:
         """The one that was taken last."""
         self._found: dict[tuple[str, str, int], tuple[Pose2, int] | None] = {}
         """The answers of `find_pose`, of the newest messages: these put another dictionary in its place."""
-        self._team: TeamPoses | None = None
-        """Those of the newest messages."""
-        self._rows: Mapping[int, int] = {}
-        """Of the robots that were asked for last, as their `_frames`."""
-        self._frames: tuple[str, ...] = ()
+        self._teams: dict[tuple[str, ...], TeamPoses] = {}
+        """Those of `find_poses`, by the bases of the robots, in the same way."""
+        self._asked: tuple[Mapping[int, int], tuple[str, ...]] = {}, ()
+        """The rows of the robots that were asked for last, and their bases."""
 
     def on_bundle(self, bundle: TFMessage, now: int = 0) -> None:
         """A message of `tf` has come at time `now` (ns), 0 = not known."""
@@ -55,22 +54,23 @@ class TransformInputs:
             # It came for another robot of this process.
             return
         self.buffer.set_transforms(bundle.transforms, names.TF, now)
-        self._bundle, self._found, self._team = bundle, {}, None
+        self._bundle, self._found, self._teams = bundle, {}, {}
         self.stamp = bases_stamp(bundle) or self.stamp
 
     def on_static(self, message: TFMessage) -> None:
         """The whole set of fixed transforms has come: a start pose that a localiser took over is not in it any more."""
         self.buffer.set_all_static(message.transforms, names.TF)
-        self._found, self._team = {}, None
+        self._found, self._teams = {}, {}
 
     def find_poses(self, rows: Mapping[int, int]) -> TeamPoses:
         """The newest poses of these robots in `map`: the same object until something comes."""
-        if self._rows != rows:
-            self._frames = tuple(names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows)
-            self._rows, self._team = rows, None
-        if self._team is None:
-            self._team = TeamPoses(rows, *self.buffer.find_poses2(names.MAP_FRAME, self._frames))
-        return self._team
+        teams, (asked, frames) = self._teams, self._asked
+        if asked != rows:
+            frames = tuple(names.robot_frame(robot, names.BASE_FOOTPRINT) for robot in rows)
+            self._asked = rows, frames
+        if frames not in teams:
+            teams[frames] = TeamPoses(rows, *self.buffer.find_poses2(names.MAP_FRAME, frames))
+        return teams[frames]
 
     def find_pose(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int] | None:
         """`target_from_source` at `time`, or the newest, in the plane and its stamp; None if it is unknown. Any thread
@@ -86,7 +86,7 @@ class TransformInputs:
     def forget(self) -> None:
         """Time jumped back: forget what moves."""
         self.buffer.clear()
-        self._bundle, self._found, self._team, self.stamp = None, {}, None, 0
+        self._bundle, self._found, self._teams, self.stamp = None, {}, {}, 0
 
 
 class RobotInputs:

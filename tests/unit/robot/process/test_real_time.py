@@ -116,8 +116,7 @@ def test_a_scan_waits_for_its_transforms(start: Start, monkeypatch: pytest.Monke
 def test_a_step_knows_how_long_ago_the_last_one_was(start: Start, cruise: type[Cruise]) -> None:
     """`view.dt` is 0 in the first step after GO, which comes after the robot is ready, and then the time between."""
     robot = start(cruise, gate=True)
-    for tick in (1, 2):
-        robot.ready(tick)
+    robot.ready(2)
     robot.wait_for_status(lambda status: status.is_ready)
     robot.say_team(GO)
     for steps, tick in enumerate((3, 4, 6), 1):
