@@ -58,7 +58,7 @@ class Costmaps:
             self.look_far(here)
 
     def look_far(self, here: Situation) -> None:
-        """Bring the global costmap up to date, once for a plan and once for all that look at it."""
+        """Bring the global costmap up to date, unless this step has done so."""
         before, self._due_whole = self._due_whole, here.now + 1.0 / self._parameters.global_window.update_frequency
         if self._due_whole != before:
             _update(self.whole, here, _FAR)
