@@ -151,3 +151,13 @@ def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
         elif (passed > 0).all():
             # Through a corner between two cells, one of which is blocked.
             assert abs(x1 - x0) and abs(y1 - y0)
+
+
+@pytest.mark.parametrize(("blocked", "cost"), [((0, 0), math.sqrt(2.0)), ((1, 2), math.inf), ((2, 1), math.inf)])
+def test_a_line_through_a_corner_needs_both_cells_beside_it(blocked: tuple[int, int], cost: float) -> None:
+    """In any direction."""
+    weights = np.ones((4, 4), np.uint8)
+    weights[blocked] = 0
+    ends, mirrored = np.array(((1, 1), (2, 2))), np.array(((2, 1), (1, 2)))
+    assert measure_lines(weights, ends, ends[::-1].copy()).tolist() == [cost, cost]
+    assert measure_lines(weights[:, ::-1].copy(), mirrored, mirrored[::-1].copy()).tolist() == [cost, cost]
