@@ -9,8 +9,7 @@ import logging
 import queue
 import sys
 import threading
-from collections.abc import Callable, Container
-from contextlib import suppress
+from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
@@ -25,7 +24,7 @@ from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandl
 from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
-from zteam.names import fixed_part, is_wildcard, latched_tokens_key
+from zteam.names import fixed_part, latched_tokens_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -45,8 +44,6 @@ _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LATCHED_TIMEOUT = 10.0
 """Host seconds for a latched publisher's last message, which may be a large map on a slow link."""
-_MOST_NEW_KEYS = 1024
-"""Keys of samples that a session declares: a sender can invent them."""
 _UNNUMBERED = "uhlc"
 """In place of a number in the token of a publisher whose samples are not numbered; none of zteam's."""
 
@@ -81,11 +78,8 @@ class Aside:
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
-        return zenoh.handlers.Callback(partial(self.call, handler), indirect=False)
-
-    def call(self, handler: Callable[[T], None], event: T) -> None:
-        """Have the thread call `handler(event)`."""
-        self._waiting.put(partial(transport.call, handler, event))
+        put = self._waiting.put
+        return zenoh.handlers.Callback(lambda event: put(partial(transport.call, handler, event)), indirect=False)
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
@@ -134,13 +128,8 @@ class ZenohSample(RawSample):
         return self.key, str(info.source_id.zid), str(info.source_id.eid)
 
 
-def sample_callback(
-    handle: Callable[[ZenohSample], object],
-    ids: Container[str] = (),
-    on_new: Callable[[str], object] = lambda _key: None,
-) -> Callable[[zenoh.Sample], None]:
-    """What Zenoh calls with the samples of one subscription, or the replies to one query; `on_new(key)` is called for
-    keys that are not in `ids`.
+def sample_callback(handle: Callable[[ZenohSample], object]) -> Callable[[zenoh.Sample], None]:
+    """What Zenoh calls with the samples of one subscription, or the replies to one query.
 
     It is on Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
     """
@@ -160,10 +149,7 @@ def sample_callback(
             encoding = sample.encoding
             text = "" if encoding == _BYTES else str(encoding)
             newest = encoding, text
-        key = str(sample.key_expr)
-        if key not in ids:
-            on_new(key)
-        handle(ZenohSample(key, payload, text, sample=sample))
+        handle(ZenohSample(str(sample.key_expr), payload, text, sample=sample))
 
     return on_sample
 
@@ -299,8 +285,6 @@ class ZenohTransport(Transport):
         self._get = partial(session.get, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE)
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
-        self._new_keys = _MOST_NEW_KEYS
-        """How many keys of samples may still be declared."""
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
@@ -335,21 +319,8 @@ class ZenohTransport(Transport):
         needs it. But routes that it has found keep that number: messages on a key that another subscription matches,
         and queries, are then lost for good (docs/zenoh-report.md). A number that is held is never taken back.
         """
-        if (fixed := fixed_part(key_expr)) and self._ids.get(fixed) is None:
+        if (fixed := fixed_part(key_expr)) and fixed not in self._ids:
             self._ids[fixed] = self._session.declare_keyexpr(fixed)
-
-    def _note_key(self, key: str) -> None:
-        """A first sample has come on a key of a wildcard. Unless the key is declared, Zenoh compares it with all key
-        expressions of the session for each further one."""
-        if self._new_keys and not is_wildcard(key):
-            self._new_keys -= 1
-            self._ids[key] = None
-            self._presence.call(self._declare_id, key)
-
-    def _declare_id(self, key: str) -> None:
-        # Unless it is closed meanwhile.
-        with suppress(zenoh.ZError):
-            self._ids[key] = self._session.declare_keyexpr(key)
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
@@ -381,9 +352,8 @@ class ZenohTransport(Transport):
     def _subscribe(self, key_expr: str, handle: Callable[[ZenohSample], object]) -> Closeable:
         def declare() -> Any:
             self._keep_id(key_expr)
-            callback = sample_callback(handle, self._ids, self._note_key)
-            handler: Any = zenoh.handlers.Callback(callback, indirect=False)
-            return self._session.declare_subscriber(key_expr, handler)
+            callback: Any = zenoh.handlers.Callback(sample_callback(handle), indirect=False)
+            return self._session.declare_subscriber(key_expr, callback)
 
         return self._declare("subscribe to", key_expr, declare)
 

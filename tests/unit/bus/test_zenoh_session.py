@@ -14,7 +14,6 @@ from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, connect, zenoh_session
 from zteam.bus.transport import RawSample
 from zteam.bus.zenoh_session import TokenWatch, ZenohTransport
-from zteam.messages import Bool
 
 BEGIN, END = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
 ALONE = '{mode: "peer", scouting: {multicast: {enabled: false}, delay: 0}, listen: {endpoints: []}}'
@@ -146,19 +145,3 @@ def test_coverage_sees_the_handlers_of_messages() -> None:
     finally:
         threading.settrace(before)  # type: ignore[arg-type]
     assert take.__code__ in seen
-
-
-def test_keys_of_a_wildcard_are_declared_up_to_a_limit(monkeypatch: pytest.MonkeyPatch, router: RouterProcess) -> None:
-    """So Zenoh finds their subscriptions at once; a sender can invent keys."""
-    monkeypatch.setattr(zenoh_session, "_MOST_NEW_KEYS", 2)
-    heard, bus, other = Inbox(), *(connect(BusOptions(connect=router.endpoint)) for _ in range(2))
-    bus.subscribe("a/*", Bool, lambda key, _: heard(key))
-    for key in ("a/b", "a/c", "a/d"):
-        publisher = other.publisher(key, Bool)
-        wait_until_true(lambda publisher=publisher: publisher.has_subscribers)
-        publisher.put(Bool(True))
-        heard.wait_for(key)
-    wait_until_true(lambda: all(bus.transport._ids.get(key) for key in ("a/b", "a/c")))
-    assert "a/d" not in bus.transport._ids
-    bus.close()
-    other.close()
