@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus import transport
 from zteam.bus.transport import RawSample, SampleHandler, size_problem
 from zteam.clock import Sent, monotonic
 from zteam.errors import DecodeError
@@ -118,8 +117,8 @@ class Receiver:
             return content
         try:
             payload = content if type(content) is bytes else sample.payload
-            if len(payload) > transport.MAX_PAYLOAD:
-                raise DecodeError(size_problem(payload))
+            if problem := size_problem(payload):
+                raise DecodeError(problem)
             return decode(message_type, payload)
         except DecodeError as error:
             self.drop(sample.key, str(error))

@@ -151,7 +151,7 @@ class TickMessages:
         # Those of all senders of a subscription together.
         for (is_of_tick, tick, _key, _subscription), group in groupby(due, lambda place: place[:4]):
             arrivals = [self._kept.pop(place) for place in group]
-            for arrival in arrivals if is_of_tick else _in_order(arrivals):
+            for arrival in arrivals if is_of_tick or len(arrivals) == 1 else _in_order(arrivals):
                 arrival.handle(arrival.key, arrival.message, tick)
         self._count = Counter(arrival.key for arrival in self._kept.values())
         self._ticks = {(source, key): tick for later, tick, key, _, source, _ in sorted(self._kept) if not later}

@@ -192,7 +192,10 @@ class RobotInputs:
         """The robots whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
         host time, where they could be heard from `heard_from` on.
         """
-        found = []
+        found: list[int] = []
+        if now is not None and self._heard and (now - min(self._heard.values())[0]) / 1e9 <= SILENT_AFTER:
+            # Mostly none is.
+            return frozenset()
         for robot, (stamp, heard) in self._heard.items():
             age = monotonic() - max(heard, heard_from) if now is None else (now - stamp) / 1e9
             if age > SILENT_AFTER:
@@ -228,13 +231,15 @@ class RobotInputs:
         `tf` = False leaves the transforms out. With `connected` the transforms must lead from the map to the robot: the
         fixed ones may come later than the first bundle.
         """
-        came = {
-            names.BASE_INFO: self._id in self._told,
-            names.TF_STATIC: self._has_fixed,
-            names.BASE_SCAN: self.scan is not None and self.scan_stamp >= stamp,
-            names.ODOM: self.odom is not None and ns_from_time(self.odom.header.stamp) >= stamp,
-        }
-        lacking = [names.robot_key(self._id, topic) for topic in came if not came[topic]]
+        lacking = []
+        if self._id not in self._told:
+            lacking.append(names.robot_key(self._id, names.BASE_INFO))
+        if not self._has_fixed:
+            lacking.append(names.robot_key(self._id, names.TF_STATIC))
+        if self.scan is None or self.scan_stamp < stamp:
+            lacking.append(names.robot_key(self._id, names.BASE_SCAN))
+        if self.odom is None or ns_from_time(self.odom.header.stamp) < stamp:
+            lacking.append(names.robot_key(self._id, names.ODOM))
         if tf and not lacking:
             newest: int | None = self.transforms.stamp
             if connected and self.transforms.stamp >= stamp:
