@@ -16,12 +16,12 @@ def obey(code: str, *arguments: str) -> list[str]:
 class Started:
     """A Process, the lines that it has written, and its end."""
 
-    def __init__(self, start: StartChild, command: list[str], **environment: str) -> None:
+    def __init__(self, start: StartChild, command: list[str], *, batch: bool = False, **environment: str) -> None:
         self.heard: list[str] = []
         self.up = threading.Event()
         self.process = Process(
             "child",
-            Job(command, environment),
+            Job(command, environment, batch=batch),
             self._take,
             lambda *_: self.up.set(),
             lambda _process: self.up.set(),

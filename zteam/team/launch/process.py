@@ -83,6 +83,8 @@ class Job(msgspec.Struct, frozen=True):
     """Whether it is started again when it has failed."""
     may_end: bool = False
     """Whether it may end by itself, with exit code 0."""
+    batch: bool = False
+    """Whether it takes no processor from another process when it wakes, on Linux (SCHED_BATCH)."""
     learn: "Callable[[Job, Report], Job | None] | None" = None
     """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
     as one with the port that the process has found; None = the same as before."""
@@ -202,6 +204,10 @@ class Process:
             failing.callback(self._link.close)
             self._child = start_child(job, theirs.fileno())
             failing.pop_all()
+        if job.batch:
+            # Before it reads its options, so that all of its threads are like that. It may have ended already.
+            with contextlib.suppress(OSError, AttributeError):
+                os.sched_setscheduler(self._child.pid, os.SCHED_BATCH, os.sched_param(0))
         self.usage = ProcessReport(name, self._child.pid)
         self._readers = [
             threading.Thread(target=read, name=f"{what} of {name}", daemon=True)

@@ -160,7 +160,10 @@ class Processes:
 
     def start(self) -> None:
         for name, job in self._plan.jobs.items():
-            self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
+            # Robots are many, and a tick waits for the last one: none gains by stopping another or the simulator.
+            batch = self._launch.pace.lockstep and names.robot_id_of(name) is not None
+            job = msgspec.structs.replace(job, environment=self.environment(name), batch=batch)
+            self.supervisor.start_job(name, job)
 
     def _start_router(self) -> Process:
         """Start a router that reports its endpoint when it listens. A router on demand gives up the default endpoint.

@@ -140,6 +140,21 @@ def test_its_standard_input_takes_one_line() -> None:
     assert ended.finish() == 0
 
 
+@pytest.mark.skipif(not hasattr(os, "SCHED_BATCH"), reason="this system has no SCHED_BATCH")
+def test_a_batch_process_is_one_with_the_threads_that_it_starts() -> None:
+    """From before it reads its first line on."""
+    code = (
+        "import os, sys, threading\nsys.stdin.readline()\nfound = [os.sched_getscheduler(0)]\n"
+        "other = threading.Thread(target=lambda: found.append(os.sched_getscheduler(0)))\n"
+        "other.start(); other.join()\nprint([each == os.SCHED_BATCH for each in found])"
+    )
+    for batch in (False, True):
+        child = Started(spawn, [sys.executable, "-S", "-c", code], batch=batch)
+        child.process.write_line("go")
+        assert child.finish() == 0
+        assert child.heard == [str([batch] * 2)]
+
+
 def test_killing_ends_what_it_started() -> None:
     """A kill ends the whole process group, grandchildren and frozen processes included."""
     child = run(f"{SLEEPER}print(p.pid, flush=True)\np.wait()")
