@@ -123,9 +123,9 @@ class Edge:
 
 
 take_sample = lib.take_sample
-"""`take_sample(edge.edge, stamp, pose, authority)` inserts a usual sample: it has the parent of the newest one,
-is newer than that, has finite numbers and a unit quaternion: 1, or 0 if it is the newest one again, or -1 for any
-other, which is not stored. It is C's own function: a layer of Python would take as long as that."""
+"""`take_sample(edge.edge, stamp, pose, authority)` inserts a usual sample and returns 1: it has the parent of the
+newest one, is newer, and has finite numbers and a unit quaternion. The newest one again: 0. Any other is not stored:
+-1. It is C's own function, because a layer of Python would take as long."""
 
 
 def _text(name: Any) -> str:
@@ -151,7 +151,11 @@ class FramePath:
     def solve(self, time: int) -> Answer | None:
         """target_from_source at `time`; None if a moving edge has no data for it."""
         found = ffi.new("double[8]")
-        return _read_eight(ffi.buffer(found)) if lib.solve_path(self.path, time, found) else None
+        try:
+            return _read_eight(ffi.buffer(found)) if lib.solve_path(self.path, time, found) else None
+        except OverflowError:
+            # No stamp is so far away.
+            return None
 
 
 class Paths:
@@ -191,7 +195,7 @@ class Rows:
 
     def __init__(self, payload: bytes, rows: Any) -> None:
         self.payload, self.rows, self._data = payload, rows, ffi.buffer(rows)
-        """The bytes that `rows` point into; both are for C."""
+        """For C: the bytes, and where in them is what."""
 
     def __len__(self) -> int:
         return len(self.rows)

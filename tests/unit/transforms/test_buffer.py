@@ -361,6 +361,7 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
         ("map", "crater", S, tf.ConnectivityException, "'map' and 'crater'"),
         ("moon", "crater", 2 * S, tf.NoDataForExtrapolationException, "at 2.000000000 s, but from 1.000000000 s"),
         ("map", "base", 20 * S + 1, tf.ForwardExtrapolationException, "at 20.000000001 s, but from 12.000000000 s"),
+        ("map", "base", 10**30, tf.ForwardExtrapolationException, "there is no data between"),
         ("base", "map", 12 * S - 1, tf.BackwardExtrapolationException, "at 11.999999999 s, but from 12.000000000 s to"),
     ],
 )  # fmt: skip
