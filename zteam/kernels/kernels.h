@@ -440,7 +440,7 @@ int64_t take_transforms(tf_edge *const *edges, int64_t known, const uint8_t *byt
 int64_t newest_time(const tf_path *p);
 /* target_from_source (7) and its yaw (rad) at a time; 0 where an edge has no data. */
 int solve_path(const tf_path *p, int64_t time, double *found);
-/* The newest planar poses (count, 4: m, m, rad, ns) and their stamps; return how many are not known: NaN, INT64_MIN. */
+/* The newest planar poses (count, 4: m, m, rad, ns) and their stamps; return how many are not known: NaN and 0, INT64_MIN. */
 int64_t solve_newest(const tf_path *const *paths, int64_t count, double *poses, int64_t *stamps);
 /* Read so many TransformStamped of little-endian CDR, and return the end, or -1: none that is usual. */
 int64_t read_transforms(const uint8_t *bytes, int64_t at, int64_t end, int64_t count, tf_row *rows);

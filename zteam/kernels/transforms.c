@@ -216,15 +216,16 @@ int64_t solve_newest(const tf_path *const *paths, int64_t count, double *poses, 
 {
     int64_t failed = 0;
     for (int64_t n = 0; n < count; n++) {
-        double found[8];
-        stamps[n] = newest_time(paths[n]);
-        if (!solve_path(paths[n], stamps[n], found)) {
-            found[0] = found[1] = found[7] = NAN;
+        double found[8], *pose = poses + 4 * n;
+        const int64_t time = newest_time(paths[n]);
+        if (solve_path(paths[n], time, found)) {
+            pose[0] = found[0], pose[1] = found[1], pose[2] = found[7], pose[3] = (double)time;
+            stamps[n] = time;
+        } else {
+            pose[0] = pose[1] = pose[2] = NAN, pose[3] = 0.0;
             stamps[n] = INT64_MIN;
             failed++;
         }
-        poses[4 * n] = found[0], poses[4 * n + 1] = found[1], poses[4 * n + 2] = found[7];
-        poses[4 * n + 3] = (double)stamps[n];
     }
     return failed;
 }

@@ -17,7 +17,7 @@ Answer = tuple[float, float, float, float, float, float, float, float]
 _read_seven, _read_eight, _read_row = Struct("7d").unpack, Struct("8d").unpack_from, Struct("7q7d").unpack_from
 _ROW_SIZE = ffi.sizeof("tf_row")
 NOT_KNOWN = -(2**63)
-"""The stamp of a pose that is not known, whose numbers are NaN."""
+"""The stamp of a pose that is not known, whose numbers are NaN. For C its stamp is 0."""
 _LEAST_SIZE = 72
 """Bytes of a TransformStamped without names."""
 ROUNDING = 1e-15
@@ -40,9 +40,10 @@ def invert(a_from_b: Floats) -> Floats:
 
 def gather_poses(found: Sequence[tuple[Sequence[float], int] | None]) -> tuple[Any, Any]:
     """Planar poses (x, y, yaw; m, rad) with their stamps as `Paths.solve` gives them; None is one that is not known."""
-    known = [(*each[0], each[1]) if each else (math.nan, math.nan, math.nan, NOT_KNOWN) for each in found]
-    poses = ffi.new("double[]", [number for each in known for number in each])
-    return poses, ffi.new("int64_t[]", [stamp for *_, stamp in known])
+    nowhere = math.nan, math.nan, math.nan, 0.0
+    poses = [number for each in found for number in ((*each[0], each[1]) if each else nowhere)]
+    stamps = [each[1] if each else NOT_KNOWN for each in found]
+    return ffi.new("double[]", poses), ffi.new("int64_t[]", stamps)
 
 
 class Names(dict[str, Any]):
