@@ -211,8 +211,10 @@ class Rows:
 
 
 def read_transforms(payload: bytes, at: int, end: int, count: int) -> tuple[Rows, int] | None:
-    """Read `count` TransformStamped in little-endian CDR, whose first is to begin at `at`, and where they end; None if
-    one is not such a transform, has a name that is not ASCII, or a number that is not finite."""
+    """Read `count` TransformStamped from little-endian CDR, from byte `at` on. Return them and the byte after the last.
+
+    Return None for a payload that is cut, a name that is not ASCII, or a number that is not finite.
+    """
     if count * _LEAST_SIZE > end - at:
         return None
     rows = ffi.new("tf_row[]", count)

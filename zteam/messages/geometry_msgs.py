@@ -138,7 +138,7 @@ class TransformStamped(Stamped):
 
     @staticmethod
     def read_rows(payload: bytes, at: int, end: int, count: int) -> "tuple[TransformRows, int] | None":
-        """What the codec reads many with, in its form: they, and where they end; None if one is not usual."""
+        """Read `count` transforms for the codec: they, and where they end; None if it has to read them one by one."""
         if count < 2:
             # A single one is looked at anyway.
             return None
