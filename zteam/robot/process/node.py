@@ -75,6 +75,9 @@ class RobotNode:
         """Real time: stamp of the scan that was acted on last."""
         self._looked = 0
         """Real time: when it acted last (ns), also before GO, where no step is taken."""
+        self._is_overdue = self._lacked_tf = False
+        """Real time: whether another scan came before the newest and was not acted on, and whether it acted last
+        without the transforms of its scan."""
         node.part.gives_away = True
         node.adopt(self.driver.step, self, readiness, self.status)
         node.on_time_reset(self._on_time_reset)
@@ -118,6 +121,7 @@ class RobotNode:
             return CancelReply(self.driver.behavior.cancel_goal())
 
     def _on_scan(self, _key: str, scan: LaserScan) -> None:
+        self._is_overdue = self._has_new_scan()
         self._inputs.on_scan(scan)
         self._node.hear_stamp(self._inputs.scan_stamp)
         self._node.first_data = self._node.first_data or monotonic()
@@ -172,16 +176,21 @@ class RobotNode:
         return self._inputs.lacking(self._node.part.stamp, tf=tf, connected=connected)
 
     def wait(self, limit: float) -> None:
-        """Wait for a scan, and then for the transforms of its tick."""
-        node, inputs = self._node, self._inputs
-        if node.wait(self._is_due, min(limit, _LOOK)) and self.driver.behavior.uses_tf:
-            scan, now = inputs.scan, self._now()
-            node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
+        """Wait for a scan with the transforms of its tick; if they are late, for TF_LIMIT from now.
+
+        Mostly they come in time, and this thread wakes once for both. Where the last ones did not, the time that they
+        have begins with the scan.
+        """
+        node = self._node
+        node.wait(self._is_due if self._lacked_tf else self._is_complete, min(limit, _LOOK))
+        if self._is_due():
+            node.wait(self._is_complete, TF_LIMIT)
 
     def take(self) -> int | None:
         """The scan's time, or by the clock if that is later: a scan may have been held up on its way."""
         if not self._is_due():
             return None
+        self._lacked_tf = not self._is_complete()
         if self._has_new_scan():
             self._acted = self._inputs.scan_stamp
             self._inputs.wait_no_longer()
@@ -193,6 +202,11 @@ class RobotNode:
         step."""
         now = self._node.clock.now()
         return self._has_new_scan() or (now - self._acted > STALE and now - self._looked >= STALE // 5)
+
+    def _is_complete(self) -> bool:
+        """Whether what is due lacks no transforms, or waits for them no longer because another scan has come."""
+        has_tf = not self.driver.behavior.uses_tf or self._inputs.transforms.stamp >= self._now()
+        return self._is_due() and (has_tf or self._is_overdue or not self._has_new_scan())
 
     def _has_new_scan(self) -> bool:
         return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
