@@ -177,6 +177,7 @@ class Driver:
         if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
             # The base has stood meanwhile.
             dt, self._rested = 0.0, True
+            self._layer.note_standing()
         if not in_lockstep and self._rested:
             self._heard_from = monotonic()
         heard_from = 0.0 if in_lockstep else max(self._heard_from, FREEZES.look())

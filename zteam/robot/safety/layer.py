@@ -94,6 +94,10 @@ class SafetyLayer:
     def halt(self, view: View) -> None:
         """The robot is commanded zero velocity, whatever was wanted: its base brakes as hard as it can."""
         self.limit(Twist(), view)
+        self.note_standing()
+
+    def note_standing(self) -> None:
+        """The base stands, whatever was commanded last: the next velocity begins there."""
         self._memory.motion, self._memory.held = (0.0, 0.0, 0.0), 0
 
     def _take_team(self, view: View, rows: Mapping[int, int]) -> None:

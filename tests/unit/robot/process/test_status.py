@@ -280,6 +280,20 @@ def test_time_begins_anew_after_a_pause(driving: RealTimeRobot, monkeypatch: pyt
     assert steps_of(driving) == [(0.0, 0), (0.1, 0), (0.1, 0), (0.0, 1), (0.1, 1)]
 
 
+def test_no_old_command_is_braked_from_after_a_pause(
+    driving: RealTimeRobot, want: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot that finds its data old after a pause commands zero velocity at once: its base has stood meanwhile."""
+    monkeypatch.setattr(FREEZES, "look", monotonic)
+    want(0.6)
+    driving.ready(2)
+    driving.wait_for_commands(2)
+    assert speeds(driving)[-1] > 0.3
+    driving.say_time(103)
+    driving.wait_for_commands(3)
+    assert speeds(driving)[-1] == 0.0
+
+
 def change(robot: RealTimeRobot, service: str) -> StopReply:
     """Stop the robot, or release it."""
     return robot.bus.ask(names.robot_key(1, service), StopReply)
