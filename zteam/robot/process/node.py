@@ -176,10 +176,9 @@ class RobotNode:
         return self._inputs.lacking(self._node.part.stamp, tf=tf, connected=connected)
 
     def wait(self, limit: float) -> None:
-        """Wait for a scan with the transforms of its tick; if they are late, for TF_LIMIT from now.
+        """Wait for a scan with the transforms of its tick, so that this thread wakes once for both.
 
-        Mostly they come in time, and this thread wakes once for both. Where the last ones did not, the time that they
-        have begins with the scan.
+        Where the robot acted last without them, it wakes for the scan, and they have TF_LIMIT from then on.
         """
         node = self._node
         node.wait(self._is_due if self._lacked_tf else self._is_complete, min(limit, _LOOK))
@@ -190,7 +189,7 @@ class RobotNode:
         """The scan's time, or by the clock if that is later: a scan may have been held up on its way."""
         if not self._is_due():
             return None
-        self._lacked_tf = not self._is_complete()
+        self._lacked_tf = not self._has_tf()
         if self._has_new_scan():
             self._acted = self._inputs.scan_stamp
             self._inputs.wait_no_longer()
@@ -205,8 +204,10 @@ class RobotNode:
 
     def _is_complete(self) -> bool:
         """Whether what is due lacks no transforms, or waits for them no longer because another scan has come."""
-        has_tf = not self.driver.behavior.uses_tf or self._inputs.transforms.stamp >= self._now()
-        return self._is_due() and (has_tf or self._is_overdue or not self._has_new_scan())
+        return self._is_due() and (self._has_tf() or self._is_overdue or not self._has_new_scan())
+
+    def _has_tf(self) -> bool:
+        return not self.driver.behavior.uses_tf or self._inputs.transforms.stamp >= self._now()
 
     def _has_new_scan(self) -> bool:
         return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
