@@ -29,6 +29,7 @@ class SimulatorParts(Simulation):
     def whole_tick(self) -> bool:
         """Take and send a tick without commands; whether the run is over with it."""
         self.tick({})
+        self.count()
         self.send_rest()
         return self.boundary.finished
 

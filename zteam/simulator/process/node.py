@@ -1,8 +1,8 @@
 """The simulator process: it steps the engine, publishes what the robots sense, and takes their commands.
 
-A tick: commands in, bodies move, transforms out, lasers are cast, odometry, scans and clock out (`Simulation.tick`),
-then everything else (`Simulation.send_rest`). In lock-step the next tick begins when every participant has answered and
-it is due; in real time when it is due (`run_ticks`).
+A tick: commands in, bodies move, transforms and odometry out, lasers are cast, scans out (`Simulation.tick`), and then
+everything else (`Simulation.send_rest`). In lock-step the next tick begins when every participant has answered and it
+is due; in real time when it is due (`run_ticks`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -54,6 +54,8 @@ def run_ticks(simulation: Simulation) -> None:
     commands: dict[int, Twist] = {}
     while True:
         simulation.tick(commands)
+        # Before the clock: a process that hears the last tick's clock may ask for the report at once.
+        simulation.count()
         simulation.send_rest()
         if lockstep is not None and not lockstep.wait(simulation.repeat):
             return

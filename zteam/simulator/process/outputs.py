@@ -1,6 +1,6 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from zteam import names
@@ -36,9 +36,8 @@ class RobotOutputs:
         for topic, kind in KINDS.items():
             publishers = [publisher(kind.key(robot_id, i), kind.message) for i in range(kind.count(robot))]
             sensed[topic] = [(each, to_messages.BUILDERS[topic], i) for i, each in enumerate(publishers)]
-        # A robot computes its next command from these, and wakes once for both: they leave first, and together.
-        odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
-        self._inputs = [*odom, *self.scans]
+        # Robots compute their next command from these: they are published first.
+        self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
         self._rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
@@ -50,9 +49,9 @@ class RobotOutputs:
         odom = observation.robots[self._id].odom
         self._tf.put_owned(to_messages.transforms(observation.time, self._id, odom))
 
-    def put_inputs(self, observation: Observation, *, again: bool = False) -> None:
-        """Send odometry and scans; with `again` a participant waits for them, and no subscriber needs to be known."""
-        for publisher, build, number in self._inputs:
+    def put(self, outputs: Sequence[Output], observation: Observation, *, again: bool = False) -> None:
+        """Send `odom` or `scans`; with `again` a participant waits for them, and no subscriber needs to be known."""
+        for publisher, build, number in outputs:
             if again or publisher.has_subscribers:
                 publisher.put_owned(build(observation, self._id, number))
 

@@ -70,23 +70,24 @@ class Simulation:
         self.profile.end("physics")
         self._send_inputs()
         if self.lockstep is None:
-            # No robot's next command depends on the rest: the robots' commands come first.
+            # The rest wakes every process, and no robot's next command depends on it: the robots' commands come first.
             speed = None if self.pacer.paused else self.pacer.speed
             tick_seconds = 0.0 if speed is None else self.world.interval / NS_PER_S / speed
             self.commands.wait_for_answers(ANSWER_SHARE * tick_seconds)
             self.profile.end("wait")
 
     def send_rest(self) -> None:
-        """Send what no robot's next command depends on."""
+        """Send the clock, which wakes every process, and what no robot's next command depends on."""
         assert self._observation is not None
+        if not self._is_first and self._clock.has_subscribers:
+            self._clock.put(Clock(time_from_ns(self.engine.now)))
         for output in self.outputs.values():
             output.put_rest(self._observation)
         self._is_first = False
         self.profile.end("publish")
 
     def _send_inputs(self) -> None:
-        """Compute the sensors, send what the robots' next commands depend on, and count the tick, which ends with the
-        clock."""
+        """Compute the sensors, and send what the robots' next commands depend on."""
         engine, outputs = self.engine, self.outputs
         if self._is_first:
             # A process that knew an earlier simulator must see time jump back before it gets this one's data.
@@ -101,26 +102,23 @@ class Simulation:
         observation = engine.observe_bases()
         for output in outputs.values():
             output.put_transforms(observation)
+        for output in outputs.values():
+            output.put(output.odom, observation)
         self.profile.end("publish")
         engine.measure(observation)
         self._observation = observation
         self.profile.end("sensors")
-        self._put_inputs(observation, outputs)
+        self._put_scans(observation, outputs)
         if not early:
             self._announce()
-        # Before the clock: a process that hears the last tick's clock may ask for the report at once.
-        self.count()
-        # After the data: a robot that is busy with them takes it in when it wakes again for its transforms.
-        if not self._is_first and self._clock.has_subscribers:
-            self._clock.put(Clock(time_from_ns(engine.now)))
         self.profile.end("publish")
 
-    def _put_inputs(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
+    def _put_scans(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
         for robot_id in robot_ids:
             output = self.outputs[robot_id]
             if output.scans:
                 self.commands.scan_sent(robot_id)
-            output.put_inputs(observation, again=again)
+            output.put(output.scans, observation, again=again)
 
     def _announce(self) -> None:
         if self.lockstep is not None:
@@ -191,7 +189,8 @@ class Simulation:
         present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
         for i in present:
             outputs[i].put_transforms(observation)
-        self._put_inputs(observation, present, again=True)
+            outputs[i].put(outputs[i].odom, observation, again=True)
+        self._put_scans(observation, present, again=True)
         for i in present if None in robots else ():
             outputs[i].put_rest(observation)
 

@@ -30,7 +30,8 @@ def test_what_has_subscribers_is_published_and_nothing_else(hub: MemoryHub) -> N
     types = {"robot_0/odom": Odometry, "robot_0/base_scan": LaserScan, "robot_0/stall": Bool, "robot_0/cmd_vel": Twist}
     for expected in ([], [*types], ["robot_0/stall"], ["robot_0/odom"], []):
         handles = [hub.bus().subscribe(key, types[key], lambda key, _: heard.append(key)) for key in expected]
-        outputs[0].put_inputs(observation)
+        outputs[0].put(outputs[0].odom, observation)
+        outputs[0].put(outputs[0].scans, observation)
         outputs[0].put_rest(observation)
         outputs.put_commands({0: Twist()})
         assert heard == expected
