@@ -28,6 +28,7 @@ from zteam.bus.transport import (
     Transport,
     check_use,
     decode_json,
+    matches,
 )
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
@@ -39,6 +40,8 @@ T = TypeVar("T")
 Request = TypeVar("Request", bound=msgspec.Struct)
 log = logging.getLogger("zteam.bus")
 
+LATCHED = "?latched"
+"""Behind a key expression in `Bus.reads`, as the parameters of a selector stand in Zenoh."""
 MOST_SESSIONS = 16
 """Sessions that are asked: a sender can invent them."""
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
@@ -112,6 +115,14 @@ def _command() -> str:
     if path.name == "zteam" or path.parts[-2:] == ("zteam", "__main__.py"):
         return " ".join(["zteam", *sys.argv[1:2]])
     return "python" if path.name in ("", "-c") else path.name
+
+
+class _Reader(NamedTuple):
+    """A subscription."""
+
+    key_expr: str
+    latched: bool
+    handler: SampleHandler
 
 
 class Publisher(Held[RawPublisher], Generic[M]):
@@ -198,6 +209,9 @@ class Bus:
         """What opens the publishers and queries that are held."""
         self._lock = threading.Lock()
         self._declared: dict[object, Declaration] = {}
+        self._readers: dict[object, _Reader] = {}
+        self.reads_version = 0
+        """Changes with what `reads` returns."""
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
@@ -245,11 +259,33 @@ class Bus:
         self.open(publisher)
         return publisher
 
-    def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool = False) -> Closeable:
+    def _subscribe(
+        self,
+        key_expr: str,
+        handler: SampleHandler,
+        latched: bool = False,
+        *,
+        screened: bool = True,
+        from_others: bool = False,
+    ) -> Closeable:
         check_use("subscribe to", key_expr, False)
-        forget = self._list(key_expr, False)
-        subscriber = self.transport.declare_subscriber(key_expr, handler, latched)
-        return Handle(forget, subscriber.close)
+        forget, place = self._list(key_expr, False), object()
+        if screened:
+            self._readers[place] = _Reader(key_expr, latched, handler)
+            self.reads_version += 1
+        subscriber = self.transport.declare_subscriber(key_expr, handler, latched, from_others)
+        return Handle(forget, lambda: self._readers.pop(place, None), subscriber.close)
+
+    def reads(self) -> list[str]:
+        """The key expressions that are subscribed to, sorted; with `?latched` behind those of latched subscriptions."""
+        readers = list(self._readers.values())
+        return sorted({each.key_expr + LATCHED * each.latched for each in readers})
+
+    def hand_in(self, sample: RawSample) -> None:
+        """Handle a sample that has come in another way than over a subscription, as all subscribers to its key."""
+        for reader in list(self._readers.values()):
+            if matches(reader.key_expr, sample.key):
+                reader.handler(sample)
 
     def _list(self, key: str, publishes: bool) -> Callable[[], object]:
         """List what is about to be opened, so before others notice it; the call that takes it off the list again."""
@@ -282,11 +318,19 @@ class Bus:
         message_type: type[M],
         callback: Callable[[str, M, str], None],
         problem: Callable[[RawSample], str] | None = None,
+        *,
+        latched: bool = False,
+        screened: bool = True,
     ) -> Closeable:
-        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it."""
+        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it.
+
+        Unless `screened`, whatever comes counts (`Receiver.screen`), and it is none of what the process `reads`.
+        """
         check_message_type(key_expr, message_type)
-        handler = self.counters.messages(message_type, callback, with_source=True, problem=problem)
-        return self._subscribe(key_expr, handler)
+        handler = self.counters.messages(
+            message_type, callback, latched=latched, with_source=True, problem=problem, screened=screened
+        )
+        return self._subscribe(key_expr, handler, latched, screened=screened)
 
     def subscribe_raw(
         self,
@@ -295,12 +339,15 @@ class Bus:
         *,
         latched: bool = False,
         only: type[Message] | None = None,
+        from_others: bool = False,
     ) -> Closeable:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding.
 
-        With `only`, those of other types are dropped.
+        With `only`, those of other types are dropped; with `from_others`, those of this session do not come.
         """
-        return self._subscribe(key_expr, self.counters.samples(callback, only), latched)
+        return self._subscribe(
+            key_expr, self.counters.samples(callback, only, latched=latched), latched, from_others=from_others
+        )
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0

@@ -112,22 +112,23 @@ class LatchedSubscription:
 class LatchedSubscriptions:
     """All those of a session."""
 
-    def __init__(self, declare: Callable[[str, LatchedSubscription], Closeable], ask: Ask) -> None:
-        """`declare(key_expr, subscription)` opens one on the session."""
+    def __init__(self, declare: Callable[[str, bool, LatchedSubscription], Closeable], ask: Ask) -> None:
+        """`declare(key_expr, from_others, subscription)` opens one on the session."""
         self._declare, self._ask = declare, ask
         self._lock = threading.Lock()
-        self._open: dict[str, LatchedSubscription] = {}
+        self._open: dict[tuple[str, bool], LatchedSubscription] = {}
 
-    def subscribe(self, key_expr: str, handler: SampleHandler) -> Closeable:
-        """Call `handler` with the last message of each publisher that is there, and then with what comes."""
-        reader = _Reader(handler)
-        handle = Handle(reader.close, partial(self._leave, key_expr, reader))
+    def subscribe(self, key_expr: str, handler: SampleHandler, from_others: bool = False) -> Closeable:
+        """Call `handler` with the last message of each publisher that is there, and then with what comes; with
+        `from_others`, not of this session."""
+        reader, place = _Reader(handler), (key_expr, from_others)
+        handle = Handle(reader.close, partial(self._leave, place, reader))
         with self._lock:
-            subscription = self._open.get(key_expr)
+            subscription = self._open.get(place)
             is_new = subscription is None
             if subscription is None:
-                subscription = LatchedSubscription(partial(self._declare, key_expr), self._ask, self._lock)
-                self._open[key_expr] = subscription
+                subscription = LatchedSubscription(partial(self._declare, *place), self._ask, self._lock)
+                self._open[place] = subscription
             subscription.readers.append(reader)
             there = list(subscription.tokens.items())
         if is_new:
@@ -140,11 +141,11 @@ class LatchedSubscriptions:
             subscription.ask(writer, token, [reader])
         return handle
 
-    def _leave(self, key_expr: str, reader: _Reader) -> None:
+    def _leave(self, place: tuple[str, bool], reader: _Reader) -> None:
         with self._lock:
-            subscription = self._open[key_expr]
+            subscription = self._open[place]
             subscription.readers.remove(reader)
             if subscription.readers:
                 return
-            del self._open[key_expr]
+            del self._open[place]
         subscription.declared.close()

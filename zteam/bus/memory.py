@@ -40,6 +40,8 @@ class _Entry(NamedTuple):
     session: str
     key_expr: str
     receiver: HubReceiver
+    from_others: bool = False
+    """Of a subscriber: whether it gets nothing from its own session."""
 
 
 class MemoryHub:
@@ -78,10 +80,18 @@ class MemoryHub:
             self.version += 1
         return Handle(remove)
 
-    def find(self, table: dict[int, _Entry], key_expr: str, but: str | None = None) -> list[HubReceiver]:
-        """The receivers in a table for some key of `key_expr`, without those of the session `but`."""
+    def find(
+        self, table: dict[int, _Entry], key_expr: str, but: str | None = None, sender: str = ""
+    ) -> list[HubReceiver]:
+        """The receivers in a table for some key of `key_expr`, without those of the session `but`, and without those
+        of the session `sender` that take nothing from their own.
+        """
         with self.lock:
-            return [e.receiver for e in table.values() if e.session != but and matches(e.key_expr, key_expr)]
+            return [
+                e.receiver
+                for e in table.values()
+                if e.session != but and not (e.from_others and e.session == sender) and matches(e.key_expr, key_expr)
+            ]
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -114,20 +124,24 @@ class MemoryTransport(Transport):
     ) -> transport.RawPublisher:
         check_use("publish on", key, self.closed)
         passed_over, source = self.instance if to_others else "", source or self.instance
-        return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source))
+        return self._keep(MemoryPublisher(self._hub, key, encoding, latched, passed_over, source, self.instance))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, from_others: bool = False
+    ) -> Closeable:
         check_use("subscribe to", key_expr, self.closed)
-        hub, receiver = self._hub, HubReceiver(self._owner, handler)
+        hub, receiver, own = self._hub, HubReceiver(self._owner, handler), self.instance if from_others else None
         with hub.lock:
-            subscriber = self._add(hub.subscribers, key_expr, receiver)
-            history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
+            subscriber = self._add(hub.subscribers, key_expr, receiver, from_others)
+            history = [s for s in hub.latched.values() if latched and s.source != own and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
         return subscriber
 
-    def _add(self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver) -> Closeable:
-        return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver)))
+    def _add(
+        self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver, from_others: bool = False
+    ) -> Closeable:
+        return self._keep(self._hub.add(table, _Entry(self.instance, key_expr, receiver, from_others)))
 
     def declare_queryable(self, key: str, handler: transport.QueryHandler) -> Closeable:
         check_use("serve", key, self.closed)
@@ -172,12 +186,16 @@ class MemoryTransport(Transport):
 class MemoryPublisher(Handle):
     """Publishes on one key of a hub."""
 
-    def __init__(self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str) -> None:
-        """The session `passed_over` gets nothing. `source` is the session id that its samples carry."""
+    def __init__(
+        self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str, sender: str
+    ) -> None:
+        """Of the session `sender`. The session `passed_over` gets nothing. `source` is the session id that its samples
+        carry.
+        """
         super().__init__(self._end)
         self._hub, self._number = hub, next(hub.ids)
         self._key, self._encoding, self._latched = key, encoding, latched
-        self._passed_over, self._source = passed_over, source
+        self._passed_over, self._source, self._sender = passed_over, source, sender
         self._closed = False
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
@@ -186,7 +204,8 @@ class MemoryPublisher(Handle):
         hub = self._hub
         with hub.lock:
             # Set at once: another thread may look in between.
-            self._matching = _, receivers = hub.version, hub.find(hub.subscribers, self._key, self._passed_over)
+            found = hub.find(hub.subscribers, self._key, self._passed_over, self._sender)
+            self._matching = _, receivers = hub.version, found
         return receivers
 
     @property

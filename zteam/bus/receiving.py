@@ -11,6 +11,7 @@ from zteam.bus.transport import RawSample, SampleHandler, size_problem
 from zteam.clock import Sent, monotonic
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
+from zteam.messages.message import CDR
 from zteam.names import all_robots_key, is_wildcard, split_robot_key
 
 log = logging.getLogger("zteam.bus")
@@ -24,7 +25,6 @@ _MAX_REASON = 300
 """Characters; a reason may repeat what a sender wrote."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
 """Host seconds between two warnings about a key: a cause that stays must not fill the log."""
-_CDR = "application/cdr;"
 _FAULT = "error while handling a message on %s"
 
 
@@ -69,6 +69,9 @@ class Receiver:
         self._lock = threading.RLock()
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
+        self.screen: Callable[[RawSample, SampleHandler, bool], bool] | None = None
+        """Whether a sample of a subscription, latched or not, is handled now. If not, what has set this may give it to
+        the handler later."""
 
     def of(self, key: str) -> KeyCount:
         """The key's count. A receiver adds to it without the lock, which is slow: nothing interrupts an addition."""
@@ -132,11 +135,12 @@ class Receiver:
         latched: bool = False,
         with_source: bool = False,
         problem: Callable[[RawSample], str] | None = None,
+        screened: bool = True,
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
         With `latched`, not for one that another of its key hides (`Sent`). A sample with which `problem` finds one is
-        dropped.
+        dropped. Unless `screened`, `screen` is not asked.
         """
         due = encoding_of(message_type)
         newest: dict[str, Sent] = {}
@@ -147,6 +151,8 @@ class Receiver:
         def handle(sample: RawSample) -> None:
             key, content = sample.key, sample.content
             try:
+                if screened and (screen := self.screen) is not None and not screen(sample, handle, latched):
+                    return
                 if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
                     return
                 if problem is not None and (why := problem(sample)):
@@ -175,10 +181,14 @@ class Receiver:
 
         return handle
 
-    def samples(self, callback: Callable[[RawSample], object], only: type[Message] | None = None) -> SampleHandler:
+    def samples(
+        self, callback: Callable[[RawSample], object], only: type[Message] | None = None, *, latched: bool = False
+    ) -> SampleHandler:
         """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
+            if (screen := self.screen) is not None and not screen(sample, handle, latched):
+                return
             # A message without bytes is a small one.
             if type(sample.content) is bytes and (problem := size_problem(sample.content)):
                 self.drop(sample.key, problem)
@@ -201,8 +211,8 @@ class Receiver:
             self.drop(key, "its key is a wildcard, not the name of one topic")
             return True
         encoding = sample.encoding
-        if encoding != encoding_of(message_type) and encoding.startswith(_CDR):
-            given, due = encoding.removeprefix(_CDR), message_type.ros_type
+        if encoding != encoding_of(message_type) and encoding.startswith(CDR):
+            given, due = encoding.removeprefix(CDR), message_type.ros_type
             self.drop(key, f"wrong type: it is {given}, {due} is due")
             return True
         return False

@@ -334,8 +334,12 @@ class Transport(ABC):
         """
 
     @abstractmethod
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
-        """A subscriber; a latched one also gets what was put before it came."""
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, from_others: bool = False
+    ) -> Closeable:
+        """A subscriber; a latched one also gets what was put before it came. With `from_others` it gets nothing from
+        publishers of its own session.
+        """
 
     @abstractmethod
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:

@@ -24,7 +24,7 @@ from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandl
 from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
-from zteam.names import fixed_part, latched_tokens_key
+from zteam.names import fixed_part, latched_tokens_key, split_latched_token
 
 log = logging.getLogger("zteam.bus")
 
@@ -343,26 +343,33 @@ class ZenohTransport(Transport):
         entity = self._make("publish on", key, declare)
         return self._keep(ZenohPublisher(entity, latched, stamping_as(source) if source else self._stamp))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, from_others: bool = False
+    ) -> Closeable:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
-            return self._latched.subscribe(key_expr, handler)
-        return self._subscribe(key_expr, handler)
+            return self._latched.subscribe(key_expr, handler, from_others)
+        return self._subscribe(key_expr, handler, from_others)
 
-    def _subscribe(self, key_expr: str, handle: Callable[[ZenohSample], object]) -> Closeable:
+    def _subscribe(self, key_expr: str, handle: Callable[[ZenohSample], object], from_others: bool) -> Closeable:
         def declare() -> Any:
             self._keep_id(key_expr)
             callback: Any = zenoh.handlers.Callback(sample_callback(handle), indirect=False)
-            return self._session.declare_subscriber(key_expr, callback)
+            origin = zenoh.Locality.REMOTE if from_others else zenoh.Locality.ANY
+            return self._session.declare_subscriber(key_expr, callback, allowed_origin=origin)
 
         return self._declare("subscribe to", key_expr, declare)
 
-    def _subscribe_latched(self, key_expr: str, subscription: LatchedSubscription) -> Closeable:
+    def _subscribe_latched(self, key_expr: str, from_others: bool, subscription: LatchedSubscription) -> Closeable:
+        own = self.instance if from_others else None
+
         def on_token(token: zenoh.Sample) -> None:
-            subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+            key = str(token.key_expr)
+            if split_latched_token(key)[1] != own:
+                subscription.on_token(key, token.kind == zenoh.SampleKind.PUT)
 
         tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
-        live = self._subscribe(key_expr, lambda sample: subscription.receive(sample, sample.writer))
+        live = self._subscribe(key_expr, lambda sample: subscription.receive(sample, sample.writer), from_others)
         # After it: what is published from then on comes, what was published before is asked for.
         watch = self._declare(
             "subscribe to",

@@ -13,7 +13,8 @@ from zteam.messages.zteam_msgs import *
 __all__ = [
     "BaseInfo", "Blob", "Blobs", "Bool", "BoolSeq", "Bumper", "Clock", "ColorRGBA", "CompressedImage", "Covariance",
     "Covariance3", "Done", "Duration", "Fiducial", "Fiducials", "Float32", "Float32Seq", "Float64", "Float64Seq",
-    "Header", "Imu", "Int8Seq", "Int32", "Int32Seq", "JointState", "LaserScan", "Log", "LogLevel", "MapMetaData",
+    "Header", "Imu", "Input",
+    "Int8Seq", "Int32", "Int32Seq", "JointState", "LaserScan", "Log", "LogLevel", "MapMetaData",
     "Marker", "MarkerAction", "MarkerArray", "MarkerType", "MeshFile", "Message", "NavigationState", "NavigationStatus",
     "OccupancyGrid", "Odometry", "Path", "Point", "Point32", "PointStamped", "Polygon", "PolygonStamped", "Pose",
     "PoseArray", "PoseStamped", "PoseWithCovariance", "PoseWithCovarianceStamped", "Quaternion", "Range", "RobotDriver",

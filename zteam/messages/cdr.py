@@ -8,7 +8,7 @@ are views into the payload. On the wire everything is little endian; both are re
 
 import struct
 from collections.abc import Callable, Iterator
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -61,6 +61,9 @@ def decode(message_type: type[M], payload: bytes) -> M:
     try:
         message, end = _reader(message_type, "<" if payload[1] else ">")(payload, _START, size)
     except (struct.error, UnicodeDecodeError, ValueError, OverflowError) as error:
+        if message_type.earlier is not None:
+            earlier = decode(message_type.earlier, payload)
+            return message_type(*(getattr(earlier, name) for name in earlier.__struct_fields__))
         raise DecodeError(f"not a {message_type.__name__}: {error}") from None
     if size - end > _MAX_PADDING:
         raise DecodeError(f"{size - end} bytes of garbage behind it")
@@ -198,8 +201,7 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     source = _Source(order)
     values: dict[str, str] = {}
     checks, finite = [], []
-    flat = [*_flat(kind, "m")]
-    for number, (place, field, must_be_finite) in enumerate(flat):
+    for number, (place, field, must_be_finite) in enumerate(_flat(kind, "m")):
         value = values[place] = f"v{number}"
         if field.kind is None and field.length is None:
             source.number(_CODES[field.ros_name], value)
@@ -226,9 +228,8 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
                 source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
             reader = source.name("R", _reader(field.kind, order))
             lines = [f"{value} = []", f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)"]
-            if field.kind is str and number == len(flat) - 1:
-                source.names["texts"] = _texts
-                lines = [f"{value}, n = texts({reader}, n, buf[p & -8:end], p & 7); {value} = [*{value}]; p += n"]
+            if field.kind is str:
+                lines = [f"{value}, p = {source.name('L', _Texts())}.read({reader}, buf, p, end, n)"]
             elif order == "<" and (read_rows := getattr(field.kind, "read_rows", None)) is not None:
                 source.add(f"e = {source.name('V', read_rows)}(buf, p, end, n)", f"if e is not None: {value}, p = e")
                 lines = ["else:", *(f"    {line}" for line in lines)]
@@ -243,14 +244,24 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
 
-@lru_cache(maxsize=1)
-def _texts(read: Callable[..., Any], count: int, buf: bytes, begin: int) -> tuple[list[str], int]:
-    """The texts at the end of a message, at `begin` in `buf`, and their size. Each tick of lock-step has the same."""
-    texts, p = [], begin
-    for _ in range(count):
-        text, p = read(buf, p, len(buf))
-        texts.append(text)
-    return texts, p - begin
+class _Texts:
+    """Reads the texts of one field. Each tick of lock-step has the same: those of the last message are known."""
+
+    def __init__(self) -> None:
+        self._known: tuple[bytes, int, int, list[str]] = b"", 0, 0, []
+        """Bytes of the last texts, their place modulo 8, their number, and the texts."""
+
+    def read(self, read: Callable[..., Any], buf: bytes, p: int, end: int, count: int) -> tuple[list[str], int]:
+        """`count` texts from position `p` on, and the position after them."""
+        known, place, number, texts = self._known
+        if count == number and p & 7 == place and buf[p : p + len(known)] == known:
+            return texts.copy(), p + len(known)
+        begin, texts = p, []
+        for _ in range(count):
+            text, p = read(buf, p, end)
+            texts.append(text)
+        self._known = buf[begin:p], begin & 7, count, texts
+        return texts.copy(), p
 
 
 def _read_numbers(source: _Source, value: str, field: Field, order: str) -> None:

@@ -28,6 +28,8 @@ Float32Seq = Annotated[NDArray[np.float32], "float32[]"]
 Covariance = Annotated[NDArray[np.float64], "float64[36]"]
 Covariance3 = Annotated[NDArray[np.float64], "float64[9]"]
 
+CDR = "application/cdr;"
+"""What a message's encoding begins with, before the name of its type."""
 RULE = "=" * 80
 """Above each type that another one holds."""
 _NUMBERS = {"bool", "int8", "uint8", "int32", "uint32", "uint64", "float32", "float64"}
@@ -60,6 +62,8 @@ class Message(msgspec.Struct, eq=False, gc=False):
     """
 
     ros_type: ClassVar[str] = ""
+    earlier: ClassVar["type[Message] | None"] = None
+    """Its type before its last fields came, if its bytes are read as well."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -199,7 +203,7 @@ def _by_parts(parts: list[str]) -> type[Message] | None:
 @cache
 def encoding_of(kind: type[Message]) -> str:
     """The Zenoh encoding of a type: `application/cdr;sensor_msgs/msg/LaserScan`."""
-    return f"application/cdr;{kind.ros_type}"
+    return CDR + kind.ros_type
 
 
 def type_of_encoding(encoding: str) -> type[Message] | None:

@@ -10,6 +10,7 @@ from zteam.messages.message import (
     BoolSeq,
     Int32Seq,
     Message,
+    Uint8Seq,
     bool_,
     float32,
     float64,
@@ -164,9 +165,21 @@ class NavigationStatus(Stamped):
     text: str = ""
 
 
-class Tick(Message):
-    """Lock-step: the world stands at tick `tick`, with these robots and participants."""
+class Input(Message):
+    """Lock-step: what came from outside on `key`, such as a message of `type`, for all participants in one tick.
 
+    The simulator numbers them from 1 on. `data` is what was sent, byte for byte; `type` is the ROS name of a message's
+    type, and empty where its sender named none, and for a query, whose request is JSON.
+    """
+
+    number: uint64 = 0
+    key: str = ""
+    type: str = ""
+    data: Uint8Seq = zeros("uint8")
+
+
+class _EarlierTick(Message):
+    ros_type: ClassVar[str] = ""
     stamp: Time = msgspec.field(default_factory=Time)
     epoch: uint32 = 0
     tick: uint64 = 0
@@ -174,13 +187,41 @@ class Tick(Message):
     participants: list[str] = msgspec.field(default_factory=list)
 
 
-class Done(Message):
-    """Lock-step: a participant has finished `tick`."""
+class Tick(_EarlierTick):
+    """Lock-step: the world stands at tick `tick`, with these robots and participants.
 
+    `sessions` are those of the processes that took part when the tick was opened. What any other session sends counts
+    through the `inputs` of the next tick alone. `sent` is how many messages the simulator has published.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Tick"
+    earlier: ClassVar[type[Message] | None] = _EarlierTick
+    sessions: list[str] = msgspec.field(default_factory=list)
+    sent: uint32 = 0
+    inputs: list[Input] = msgspec.field(default_factory=list)
+
+
+class _EarlierDone(Message):
+    ros_type: ClassVar[str] = ""
     epoch: uint32 = 0
     tick: uint64 = 0
     has_command: bool_ = False
     command: Twist = msgspec.field(default_factory=Twist)
+
+
+class Done(_EarlierDone):
+    """Lock-step: a participant has finished `tick`.
+
+    `sent` is how many messages it has published. `reads` are the key expressions that it subscribes to, when it joins;
+    those that end in `?latched` ask for the last message of before, too. `inputs` are queries that are to change this
+    process, in the next tick.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Done"
+    earlier: ClassVar[type[Message] | None] = _EarlierDone
+    sent: uint32 = 0
+    reads: list[str] = msgspec.field(default_factory=list)
+    inputs: list[Input] = msgspec.field(default_factory=list)
 
 
 class RobotState:

@@ -8,14 +8,18 @@ import msgspec
 
 from zteam import names
 from zteam.bus import NoRequest
-from zteam.bus.transport import Closeable
+from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
+from zteam.messages.message import CDR
 from zteam.node.process_node import ProcessNode
+from zteam.node.screen import FROM_TICK, Screen
 from zteam.node.tokens import CertainTokens
 
 _WINDOW = 1000
 """Ticks that timing looks back."""
+_STAND, _NOTHING = Twist(), list[str]()
+"""In answers, which are not changed: no command, and nothing new to read."""
 
 
 class Ticks:
@@ -41,7 +45,9 @@ class Ticks:
     def listen(self) -> None:
         """Receive ticks; nothing if they are received already."""
         if self._input is None:
-            self._input = self._node.bus.subscribe_from(names.TICK, Tick, self._node.handler(self._on_tick))
+            self._input = self._node.bus.subscribe_from(
+                names.TICK, Tick, self._node.handler(self._on_tick), screened=False
+            )
 
     def deafen(self) -> None:
         """Receive no ticks until `listen`."""
@@ -133,17 +139,27 @@ class Participant:
     gives_away = False
     """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
-    def __init__(self, node: ProcessNode) -> None:
-        self._node = node
+    def __init__(self, node: ProcessNode, on_listed: Callable[[], object], on_refused: Callable[[str], object]) -> None:
+        """`on_listed()` is called when a tick lists this process for the first time, or again; `on_refused(key)` for a
+        message that does not count as it comes (`Screen`)."""
+        self._node, self._on_listed = node, on_listed
         self.repeat: Callable[[], None] = lambda: None
         """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
+        self._told_reads = -1
+        """The version of what this process reads (`Bus.reads`) that it has told."""
+        self._number = 0
+        """Of the newest input that was taken."""
+        self.changes: dict[str, Callable[[bytes], object]] = {}
+        """What a request that a tick carries changes in this process, by its key."""
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
         self.ticks = Ticks(node, self._on_tick, self._forget)
+        self.screen = Screen(node.lock, self.ticks.simulators, on_refused)
+        node.bus.counters.screen = self.screen.admits
         node.follow_clock()
         self.ticks.listen()
 
@@ -158,15 +174,19 @@ class Participant:
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
         """Answer the tick whose step has begun, a robot with its command."""
-        if command is None:
-            self._answer = Done(tick.epoch, tick.tick)
-            self._done.put_owned(self._answer)
-        else:
-            self._answer = Done(tick.epoch, tick.tick, True, command)
-            (self._done.put_owned if self.gives_away else self._done.put)(self._answer)
+        self._answer = Done(tick.epoch, tick.tick, command is not None, command or _STAND, 0, self._news())
+        (self._done.put_owned if command is None or self.gives_away else self._done.put)(self._answer)
         self.state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
+
+    def _news(self) -> list[str]:
+        """What this process reads, if that has changed since it was told."""
+        bus = self._node.bus
+        if self._told_reads == bus.reads_version:
+            return _NOTHING
+        self._told_reads = bus.reads_version
+        return bus.reads()
 
     def _timing(self) -> RoundTiming:
         count = max(1, len(self._acts))
@@ -177,18 +197,29 @@ class Participant:
             # Another process may hold the name: it is heard again as soon as the name is won.
             return
         before, self.tick = self.tick, tick
+        state, is_listed = self.state, self._node.name in tick.participants
+        # No step begins before all that the tick brings is taken.
+        self.state = TickState.UNLISTED
         if before is None:
             self._node.take_time_from_ticks()
-        self.stamp = ns_from_time(tick.stamp)
+        elif tick.tick < before.tick:
+            self._number = 0
+        stamp = ns_from_time(tick.stamp)
+        self._node.set_time(stamp)
+        if is_listed:
+            if state in (TickState.NONE, TickState.UNLISTED):
+                self._on_listed()
+            # It counts as sent in the tick before.
+            self._take_inputs(tick)
+        self.stamp = stamp
         if (robots := tick.robots.tolist()) != self._world:
             self._world, self.robots = robots, frozenset(robots)
-        self._node.set_time(self.stamp)
-        if self._node.name not in tick.participants:
+        self.screen.open(tick.sessions)
+        if not is_listed:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self.state = TickState.UNLISTED
-            self._done.put(Done(tick.epoch, tick.tick))
+            self._done.put(Done(tick.epoch, tick.tick, reads=self._node.bus.reads()))
             return
-        was_open = self.state is TickState.OPEN
+        was_open = state is TickState.OPEN
         seen = before if before is not None and was_open else self._answer
         is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
         if tick.participants != self._listed:
@@ -204,8 +235,22 @@ class Participant:
             self.repeat()
             self._done.put(self._answer)
 
+    def _take_inputs(self, tick: Tick) -> None:
+        """Hand what the tick carries to its subscriptions; what has come before comes again for those that join."""
+        for each in tick.inputs:
+            if each.number <= self._number:
+                continue
+            data, change = each.data.tobytes(), self.changes.get(each.key)
+            if change is not None:
+                change(data)
+            else:
+                encoding = CDR + each.type if each.type else ""
+                self._node.bus.hand_in(RawSample(each.key, data, encoding, source=FROM_TICK))
+        self._number = max((each.number for each in tick.inputs), default=self._number)
+
     def _forget(self) -> None:
         self.tick = None
         self.state = TickState.NONE
-        self._answer = Done()
+        self._answer, self._number = Done(), 0
+        self.screen.forget()
         self._node.wake()

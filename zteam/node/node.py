@@ -25,7 +25,7 @@ from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import StopSwitch
+from zteam.node.stopping import STOPS, StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
 from zteam.node.working import StepWatch
 
@@ -162,7 +162,7 @@ class Node(ProcessNode):
         self._cmd_vel: Publisher[Twist] | None = None
         if self.robot_id is not None:
             self._cmd_vel = bus.publisher(names.robot_key(self.robot_id, names.CMD_VEL), Twist)
-            self.switch = StopSwitch(bus, self.robot_id, self._on_switch)
+            self.switch = StopSwitch(bus, self.robot_id, self._on_switch, lambda: self.part.expected)
             self.on_present(self.switch.learn)
             # What it has learned may make a step due.
             self.on_present(lambda: self.on_input())
@@ -182,13 +182,30 @@ class Node(ProcessNode):
         self.began = math.inf
         """Time (ns) of its first step, or of its last search."""
         self._searching: threading.Thread | None = None
-        self.part = Participant(self)
+        self.part = Participant(self, self._on_listed, self._on_refused)
+        if self.switch is not None and self.robot_id is not None:
+            for topic, stopped in STOPS.items():
+                self.part.changes[names.robot_key(self.robot_id, topic)] = partial(self._take_stop, stopped)
         bus.serve(names.service_key(name, names.LACKING), NoRequest, lambda _: self._answer_lacking())
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
         self._inputs.forget()
         self._messages = TickMessages()
+
+    def _on_listed(self) -> None:
+        """The first tick that lists this process: chance says what others have sent before, but for what is latched."""
+        self._messages.forget_others()
+
+    def _on_refused(self, key: str) -> None:
+        """A message of a process that takes no part was dropped."""
+        if declared := self._inputs.declared_without(key):
+            self.fail(
+                UsageError(
+                    f"{self.name} waits for {declared} in every tick, which comes from a process that takes no part in "
+                    "lock-step: subscribe without every_tick, or let that process take part (zteam.Node)"
+                )
+            )
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last
@@ -219,7 +236,7 @@ class Node(ProcessNode):
         taken after it.
 
         In lock-step messages of the simulator are handled in their tick, before `step`, and those of other processes in
-        the tick after the one in which they were sent (`TickMessages`); those of latched keys at once.
+        the tick after the one in which they were sent (`TickMessages`).
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
         waited for as well, which ends with the aggregator.
@@ -240,9 +257,7 @@ class Node(ProcessNode):
             if every_tick:
                 self._inputs.take(key, stamp_of_tick(message))
 
-        if latched:
-            return super().subscribe(key_expr, message_type, handle, latched=True)
-        return self.receive(key_expr, message_type, handle, every_tick=every_tick, newest_only=False)
+        return self.receive(key_expr, message_type, handle, latched=latched, every_tick=every_tick, newest_only=False)
 
     hear = ProcessNode.subscribe
     """As `subscribe`, but at once in lock-step too, and an error of the callback does not end the process."""
@@ -273,14 +288,11 @@ class Node(ProcessNode):
                 self._messages.handle_due(None)
                 handle(key, message, self.clock.now())
                 return
-            arrival = HeldMessage(number, key, message, source, source in simulators, due, handle, newest_only)
+            arrival = HeldMessage(number, key, message, source, source in simulators, due, handle, newest_only, latched)
             if full := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
                 self.bus.counters.drop(key, full)
 
-        if latched:
-            # Its bus lets one sender's message count alone: the one with the newest time.
-            return super().subscribe(key_expr, message_type, on_message, latched=True)
-        return self.bus.subscribe_from(key_expr, message_type, self.handler(on_message), problem)
+        return self.bus.subscribe_from(key_expr, message_type, self.handler(on_message), problem, latched=latched)
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
@@ -393,6 +405,11 @@ class Node(ProcessNode):
         """Whether the robot of this process is stopped (`zteam stop`)."""
         return self.switch is not None and self.switch.is_stopped
 
+    def _take_stop(self, stopped: bool, _request: bytes) -> None:
+        """A tick tells that the robot is stopped or released."""
+        if self.switch is not None:
+            self.switch.change(stopped)
+
     def _on_switch(self) -> None:
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
         of one; in lock-step it counts from the next tick on.
@@ -469,7 +486,7 @@ class Node(ProcessNode):
         if tick is not None:
             if part.state is not TickState.OPEN:
                 return None
-            self._messages.handle_due(part.stamp)
+            self._messages.handle_due(part.stamp, part.screen.sessions)
             # A message that was due may have ended the process.
             if not (self.can_publish and may_step) or self._inputs.lacking(tick):
                 return None

@@ -17,6 +17,8 @@ from zteam.bus.transport import Closeable, Held
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import log
 
+STOPS = {names.ENGAGE: True, names.RELEASE: False}
+"""The topics of the queries that stop a robot, and release it: whether it is stopped then."""
 STOPPED = "stopped (zteam stop --release)"
 """Why a robot stands that is stopped."""
 LEARN_LIMIT = 0.5 * HOST_FACTOR
@@ -85,9 +87,16 @@ def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
 class StopSwitch:
     """Whether robot `robot_id` is stopped, for the process that commands it."""
 
-    def __init__(self, bus: Bus, robot_id: int, on_change: Callable[[], None] = lambda: None) -> None:
-        """`on_change()` is called on a thread of the bus when a query has changed it."""
-        self._bus, self._name, self._on_change = bus, names.robot_name(robot_id), on_change
+    def __init__(
+        self,
+        bus: Bus,
+        robot_id: int,
+        on_change: Callable[[], None] = lambda: None,
+        is_told: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """`on_change()` is called on a thread of the bus when a query has changed it. While `is_told()`, queries change
+        nothing: in lock-step the simulator, which answers them too, puts them into the next tick."""
+        self._bus, self._name, self._on_change, self._is_told = bus, names.robot_name(robot_id), on_change, is_told
         self._lock = threading.Lock()
         self._was_told = False
         """Whether a query has set it: what others knew before does not count then."""
@@ -95,7 +104,7 @@ class StopSwitch:
         self.is_known = False
         """Whether it is known what holds: nothing is to be commanded before."""
         self._served = serve_stop(
-            bus, robot_id, self._name, lambda: self.is_stopped if self.is_known else None, self._change
+            bus, robot_id, self._name, lambda: self.is_stopped if self.is_known else None, self._on_query
         )
         self._watches = bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_simulator)
 
@@ -103,7 +112,12 @@ class StopSwitch:
         for each in () if alive else self._served:
             each.renew()
 
-    def _change(self, stopped: bool) -> None:
+    def _on_query(self, stopped: bool) -> None:
+        if not self._is_told():
+            self.change(stopped)
+
+    def change(self, stopped: bool) -> None:
+        """Stop the robot, or release it."""
         with self._lock:
             self._was_told, changed = True, stopped != self.is_stopped
             self.is_stopped, self.is_known = stopped, True

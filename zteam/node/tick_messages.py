@@ -7,7 +7,7 @@ next tick: what it publishes then could come before that tick or after it.
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from itertools import count, groupby
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_measured
+from zteam.node.screen import FROM_TICK
 
 MAX_AHEAD = to_ns(10.0)
 """A stamp that is farther ahead of the open tick is of another clock: as far as the aggregator takes transforms."""
@@ -63,6 +64,7 @@ class HeldMessage(NamedTuple):
     handle: Handle
     newest_only: bool = False
     """Whether it replaces the one before of the same tick, sender and key."""
+    latched: bool = False
 
 
 _Place = tuple[bool, int, str, int, str, int]
@@ -93,7 +95,10 @@ class TickMessages:
         key, due, sender = arrival.key, arrival.due or 0, (arrival.source, arrival.key)
         if not arrival.is_data and arrival.due is None:
             # What a sender sent later on a key is handled later.
-            tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
+            # What a tick carries is of the tick before, whatever its sender's clock says.
+            is_carried = arrival.source == FROM_TICK
+            sent = stamp if is_carried else tick_of(arrival.message, max(stamp, self._heard))
+            tick = max(sent, self._ticks.get(sender, 0))
             number = 0 if arrival.newest_only else next(self._numbers)
             place = False, tick, key, arrival.subscription, arrival.source, number
         elif arrival.is_data and self._is_repeated(arrival, stamp):
@@ -132,8 +137,16 @@ class TickMessages:
         if stamp <= open_stamp + MAX_AHEAD:
             self._heard = max(self._heard, stamp)
 
-    def handle_due(self, stamp: int | None) -> None:
+    def forget_others(self) -> None:
+        """Forget what other processes have sent, but for what is latched."""
+        self._kept = {place: arrival for place, arrival in self._kept.items() if place[0] or arrival.latched}
+        self._count = Counter(arrival.key for arrival in self._kept.values())
+
+    def handle_due(self, stamp: int | None, sessions: Set[str] = frozenset()) -> None:
         """Handle what is due in the tick of `stamp`; everything with None, when there are no ticks any more.
+
+        With `sessions`, what others than these have sent is dropped: their process has left in the tick in which it
+        sent it, and chance says what had come of that.
 
         First what other processes sent before, by tick and key, then what belongs to this tick, in the order in which
         it came. Of several senders of one key, the one that counts (`precedence`) comes last.
@@ -151,6 +164,8 @@ class TickMessages:
         # Those of all senders of a subscription together.
         for (is_of_tick, tick, _key, _subscription), group in groupby(due, lambda place: place[:4]):
             arrivals = [self._kept.pop(place) for place in group]
+            if sessions and not is_of_tick:
+                arrivals = [arrival for arrival in arrivals if arrival.source in sessions]
             for arrival in arrivals if is_of_tick or len(arrivals) == 1 else _in_order(arrivals):
                 arrival.handle(arrival.key, arrival.message, tick)
         self._count = Counter(arrival.key for arrival in self._kept.values())
@@ -200,6 +215,12 @@ class TickInputs:
     def forget(self) -> None:
         """Time jumped back."""
         self._stamps.clear()
+
+    def declared_without(self, key: str) -> str:
+        """The key expression with `key` that is declared with `every_tick`, if nothing has come on it; else empty."""
+        heard = self._stamps
+        found = (each for each in self._keys if matches(each, key) and not any(matches(each, had) for had in heard))
+        return next(found, "")
 
     def lacking(self, tick: Tick | None) -> list[str]:
         """The keys whose message of the tick has not come; without a tick, those declared on which nothing has come."""

@@ -33,7 +33,9 @@ class Wire(MemoryTransport):
         super().__init__(hub)
         self.hear: Callable[[RawSample], None]
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, from_others: bool = False
+    ) -> Closeable:
         self.hear = handler
         return super().declare_subscriber(key_expr, handler, latched)
 

@@ -23,7 +23,7 @@ class Desk:
         self.open: dict[str, Any] = {}
         self.all = LatchedSubscriptions(self._declare, lambda *asked: self.asked.append(asked))
 
-    def _declare(self, key_expr: str, subscription: Any) -> Handle:
+    def _declare(self, key_expr: str, _from_others: bool, subscription: Any) -> Handle:
         self.open[key_expr] = subscription
         return Handle(lambda: self.open.pop(key_expr))
 

@@ -11,14 +11,12 @@ from zteam.bus.transport import Closeable, Held, RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import log
-from zteam.messages import Twist
+from zteam.messages import Input, Twist
+from zteam.messages.message import CDR
 from zteam.node.process_node import ProcessNode
 from zteam.node.stopping import ask_stopped, serve_stop
 from zteam.node.tokens import TokenSet, Writers
 from zteam.simulator.process.statistics import RunStatistics
-
-_FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
-"""What tells a robot from outside where to drive, besides `cmd_vel` itself."""
 
 _MOST_WRITERS = 16
 """Sessions of a robot that are named: any program may hold a token of its name."""
@@ -42,6 +40,8 @@ class RobotCommands:
         """Of any name."""
         self._own: dict[int, set[str]] = {}
         """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
+        self.passes_over: Callable[[str], bool] = lambda session: False
+        """Whether what a session sends comes in another way: in lock-step, with the inputs of the next tick."""
         self._others = Writers()
         """Sessions that command a robot without ever having held its name."""
         node.bus.watch_tokens([names.tokens_key("*")], self._on_token)
@@ -69,31 +69,21 @@ class RobotCommands:
         if command is None:
             return
         with self._changed:
-            if sample.source not in self._own.get(robot_id, ()):
-                self._statistics.add_external_command()
+            is_own = sample.source in self._own.get(robot_id, ())
+            if not is_own:
                 self._others.take(robot_id, sample.source, monotonic())
+            if self.passes_over(sample.source):
+                return
+            if not is_own and self._lateness is not None:
+                self._statistics.add_external_command()
             self._fresh[robot_id] = command
             self._changed.notify_all()
         self.answered(robot_id)
 
-    def count_outsiders(self, participants: Callable[[], Container[str]]) -> None:
-        """In lock-step, count velocities and goals of processes that take no part: they make a run unrepeatable.
-
-        Nothing is decoded, so what participants send on these keys costs little. The sender's session is read from the
-        time stamp, which the sender chooses: this finds accidents, and is no defence.
-        """
-
-        def count(sample: RawSample) -> None:
-            target = names.split_robot_key(sample.key)
-            if target is not None and target[0] in self._robots:
-                with self._changed:
-                    senders = self._holders.names_of(sample.source)
-                listed = participants()
-                if not any(name in listed for name in senders):
-                    self._statistics.add_external_command()
-
-        for topic in _FROM_OUTSIDE:
-            self._node.bus.subscribe_raw(names.all_robots_key(topic), count)
+    def read(self, came: Input) -> Twist | None:
+        """The command in an input of lock-step; None if it cannot be read."""
+        sample = RawSample(came.key, came.data.tobytes(), CDR + came.type if came.type else "")
+        return self._node.bus.counters.decode(sample, Twist)
 
     def writers(self) -> dict[int, list[str]]:
         """Robots that more than one process commands, and the session ids of these processes."""
@@ -149,9 +139,10 @@ class Holds:
     the bodies from the next tick on.
     """
 
-    def __init__(self, bus: Bus, on_change: Callable[[], None]) -> None:
-        """`on_change()` is called when a query has stopped or released a robot."""
+    def __init__(self, bus: Bus, on_change: Callable[[int, bool], None]) -> None:
+        """`on_change(robot_id, stopped)` is called when a query stops or releases a robot, which `hold` does then."""
         self._bus, self._on_change = bus, on_change
+        self._held: set[int] = set()
         self._served: dict[int, list[Held[Closeable]]] = {}
         """By robot in the world."""
         self._stopped: dict[int, bool] = {}
@@ -176,6 +167,7 @@ class Holds:
         for robot_id in sorted(robots - self._served.keys()):
             if is_team_stopped:
                 self._stopped[robot_id] = True
+                self._held.add(robot_id)
             elif self._has_learned:
                 self._stopped.setdefault(robot_id, False)
             own = partial(self._stopped.get, robot_id), partial(self._change, robot_id)
@@ -190,7 +182,16 @@ class Holds:
         changed = stopped != self._stopped.get(robot_id, False)
         self._stopped[robot_id] = stopped
         if changed:
-            self._on_change()
+            self._on_change(robot_id, stopped)
+
+    def hold(self, robot_id: int, stopped: bool) -> None:
+        """Hold a robot's body, or let it go. Main loop, or in real time any thread."""
+        (self._held.add if stopped else self._held.discard)(robot_id)
+
+    @property
+    def held(self) -> list[int]:
+        """The robots in the world whose bodies are held."""
+        return [robot_id for robot_id in sorted(self._served) if robot_id in self._held]
 
     def learn(self) -> None:
         """At the start, when this process answers already: find out from the robots' processes which are stopped. A
@@ -201,5 +202,7 @@ class Holds:
         for robot_id in self._served:
             self._stopped.setdefault(robot_id, told.get(robot_id, team))
         self._has_learned = True
+        for robot_id in self.stopped:
+            self._on_change(robot_id, True)
         if self.stopped:
             log.info("%s begin stopped, as they were: 'zteam stop --release'", format_robot_ids(self.stopped))

@@ -14,11 +14,12 @@ from zteam.bus.transport import Held
 from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.errors import log
-from zteam.messages import Done, TeamState, TeamStatus, Tick
+from zteam.messages import Done, Input, TeamState, TeamStatus, Tick
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import CertainTokens
 from zteam.simulator.process.open_tick import OpenTick
+from zteam.simulator.process.outside import Outside
 
 T = TypeVar("T")
 
@@ -86,6 +87,9 @@ class LockStep:
         self._changed = threading.Condition(self._lock)
         self.tick = OpenTick(options.expected, gate=options.gate)
         """Other threads `ask` it, but for lists that are replaced and not changed."""
+        self.outside = Outside(node.bus, self._on_latched)
+        self._reads: dict[str, list[str]] = {}
+        """The key expressions that a participant reads."""
         self.resends = 0
         """How often a tick was sent again."""
         self._for_tokens = 0.0, 0
@@ -109,6 +113,11 @@ class LockStep:
                 self.tick.on_go(status.epoch)
                 self._changed.notify_all()
 
+    def _on_latched(self) -> None:
+        with self._changed:
+            self.tick.on_latched()
+            self._changed.notify_all()
+
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
         if token is None or token[0] == names.SIMULATOR:
@@ -118,6 +127,8 @@ class LockStep:
                 log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
             if self.tick.on_token(*token, alive):
                 self._send_for_token()
+            if not self.tick.holders.names_of(token[1]):
+                self.outside.part_with(token[1])
             self._changed.notify_all()
 
     def _send_for_token(self) -> None:
@@ -142,6 +153,10 @@ class LockStep:
         tick = self.tick
         with self._lock:
             if tick.on_done(name, session, done):
+                self.outside.admit(session)
+                if done.reads:
+                    self._reads[name] = done.reads
+                    self.outside.read(done.reads)
                 if done.has_command and (robot_id := names.robot_id_of(name)) is not None:
                     self._on_command(robot_id)
                 if tick.may_go_on:
@@ -161,10 +176,25 @@ class LockStep:
         with self._changed:
             return question(self.tick)
 
-    def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> None:
-        """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
+    def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> list[Input]:
+        """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`, and send
+        it later; the inputs that it carries for the first time."""
         with self._changed:
-            self._publisher.put_owned(self.tick.open(stamp, tick, robots, out))
+            self.tick.open(stamp, tick, robots, out)
+            return self._carry()
+
+    def _carry(self) -> list[Input]:
+        """Let the tick that was opened carry what has come from outside; what is new of that."""
+        joined = [each for name in self.tick.joined for each in self._reads.get(name, ())]
+        again, new = self.outside.take(joined, is_first=self.tick.held)
+        if again or new:
+            self.tick.carry([*again, *new])
+        return new
+
+    def send(self) -> None:
+        """Send the tick that was opened."""
+        with self._changed:
+            self._send_again()
         self._patience = Patience(self._timeout, monotonic())
 
     def wait(self, resend: Resend) -> bool:
@@ -188,7 +218,9 @@ class LockStep:
 
     def _reopen(self, resend: Resend) -> None:
         with self._changed:
-            self._publisher.put_owned(self.tick.reopen())
+            self.tick.reopen()
+            self._carry()
+            self._send_again()
             missing = self.tick.missing()
         if not self.tick.has_time:
             self._patience.waited = 0.0

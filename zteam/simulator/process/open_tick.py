@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from zteam import names
-from zteam.messages import Done, Tick, Twist, time_from_ns
+from zteam.messages import Done, Input, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
 
 
@@ -39,6 +39,8 @@ class OpenTick:
         """Participants, sorted. The list is replaced, not changed: ticks that were sent hold it."""
         self.joining: set[str] = set()
         """Processes that have answered and become participants with the next tick."""
+        self.joined: list[str] = []
+        """Those of them that the tick is the first one for."""
         self.answers: dict[str, Done] = {}
         """By participant."""
         self.left: set[str] = set()
@@ -97,6 +99,10 @@ class OpenTick:
         self._go_epoch = max(self._go_epoch, epoch)
         self._changed = True
 
+    def on_latched(self) -> None:
+        """A latched input has come: a held tick is opened again to carry it."""
+        self._changed = True
+
     def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> Tick:
         """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
         self.out = out
@@ -106,14 +112,22 @@ class OpenTick:
         """Open the held tick again, because processes joined or left or GO came. It keeps its answers without GO."""
         return self._begin(self.message)
 
+    def carry(self, inputs: list[Input]) -> None:
+        """The open tick carries these inputs from outside."""
+        self.message = msgspec.structs.replace(self.message, inputs=inputs)
+
     def _begin(self, tick: Tick) -> Tick:
+        self.joined = []
         # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
         # present would depend on the order in which the processes came, and all are to hear GO in the same tick.
         if self._start is not Start.HELD or not self.absent:
             tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
             if self.joining or self.out:
                 present = {*self.members, *self.joining}
+                self.joined = sorted(present - self.out - {*self.members})
                 self.members, self.joining = sorted(present - self.out), present & self.out
+        sessions = sorted({session for name in self.members for session in self.holders.get(name, ())})
+        tick = msgspec.structs.replace(tick, sessions=sessions, inputs=[])
         if (tick.epoch, tick.tick) != (self.message.epoch, self.message.tick):
             self.start_anew()
         self.message = tick

@@ -13,6 +13,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Clock, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
+from zteam.node.stopping import STOPS
 from zteam.simulator import client
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.faults import FaultPlan, is_simulated
@@ -48,14 +49,16 @@ class Simulation:
         self.lockstep: LockStep | None = None
         if options.lockstep is not None:
             self.lockstep = LockStep(node, options.lockstep, self.commands.answered)
-            self.commands.count_outsiders(lambda: self.lockstep.tick.members if self.lockstep else ())
-        self.holds = Holds(node.bus, self.statistics.add_external_command)
+            self.commands.passes_over = self.lockstep.outside.has
+        self.holds = Holds(node.bus, self._stop)
         # As soon as this process answers to its name; what it asks comes after that, and before the first tick.
         node.on_present(self.holds.learn)
         self._clock = node.bus.publisher(names.CLOCK, Clock)
         self._observation: Observation | None = None
-        self._announced: list[int] = []
-        """The robots in the last `sim/tick` (lock-step)."""
+        self._opened: tuple[list[int], list[str]] = [], []
+        """Robots and sessions of the last `sim/tick` (lock-step)."""
+        self._is_early = True
+        """Whether `sim/tick` comes before the data of its tick."""
         self._is_first = True
         """Whether no tick was sent yet since the start or the last reset."""
         self._go: int | None = None
@@ -66,7 +69,7 @@ class Simulation:
     def tick(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these commands; what the robots' next commands depend on is sent."""
         self.pacer.start(monotonic())
-        self.engine.move(commands, self.holds.stopped)
+        self.engine.move({**self._open(), **commands}, self.holds.held)
         self.profile.end("physics")
         self._send_inputs()
         if self.lockstep is None:
@@ -75,6 +78,46 @@ class Simulation:
             tick_seconds = 0.0 if speed is None else self.world.interval / NS_PER_S / speed
             self.commands.wait_for_answers(ANSWER_SHARE * tick_seconds)
             self.profile.end("wait")
+
+    def _open(self) -> dict[int, Twist]:
+        """Open the next tick in lock-step: from now on it is fixed who takes part and what came from outside. The
+        commands of that."""
+        lockstep, engine = self.lockstep, self.engine
+        if lockstep is None:
+            return {}
+        now, robots = engine.now + self.world.interval, list(self.outputs)
+        came = lockstep.open(now, engine.tick + 1, robots, self.faults.absent(self.since_go))
+        outside: dict[int, Twist] = {}
+        for each in came:
+            robot_id, topic = names.split_robot_key(each.key) or (-1, each.key)
+            if topic in STOPS:
+                self.holds.hold(robot_id, STOPS[topic])
+            elif topic == names.CMD_VEL and (command := self.commands.read(each)) is not None:
+                outside[robot_id] = command
+            if topic != names.TEAM_STATUS:
+                self.statistics.add_external_command()
+        # Where the aggregator has to learn which robots' transforms to wait for, which sessions' and inputs count, and
+        # where time starts anew, the tick comes before the data.
+        tick = lockstep.tick.message
+        opened, self._opened = self._opened, (robots, tick.sessions)
+        self._is_early = engine.tick == 0 or bool(tick.inputs) or opened != self._opened
+        return outside
+
+    def _stop(self, robot_id: int, stopped: bool) -> None:
+        """A query stops or releases a robot: in lock-step with the next tick, for its process too."""
+        if self.lockstep is None:
+            self.holds.hold(robot_id, stopped)
+            self.statistics.add_external_command()
+        else:
+            topic, slot = names.ENGAGE if stopped else names.RELEASE, names.robot_key(robot_id, names.STOP)
+            self.lockstep.outside.add(names.robot_key(robot_id, topic), b"{}", slot=slot)
+
+    def _note_change(self, service: str, request: msgspec.Struct) -> None:
+        """A query has changed the world. In lock-step the next tick tells so, and the run can be repeated."""
+        if self.lockstep is None:
+            self.statistics.add_external_command()
+        else:
+            self.lockstep.outside.add(names.service_key(names.SIMULATOR, service), msgspec.json.encode(request))
 
     def send_rest(self) -> None:
         """Send the clock, which wakes every process, and what no robot's next command depends on."""
@@ -92,11 +135,9 @@ class Simulation:
         if self._is_first:
             # A process that knew an earlier simulator must see time jump back before it gets this one's data.
             self._clock.put(Clock(time_from_ns(engine.now)))
-        # `sim/tick` comes before the data where the aggregator has to learn which robots' transforms to wait for, and
-        # where time starts anew. Otherwise it comes last: then it wakes the robots together with the scans.
-        early = engine.tick == 1 or self._announced != list(outputs)
-        if early:
-            self._announce()
+        # Otherwise `sim/tick` comes last: then it wakes the robots together with the scans.
+        if self.lockstep is not None and self._is_early:
+            self.lockstep.send()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
         # complete when a robot has its scan.
         observation = engine.observe_bases()
@@ -109,8 +150,8 @@ class Simulation:
         self._observation = observation
         self.profile.end("sensors")
         self._put_scans(observation, outputs)
-        if not early:
-            self._announce()
+        if self.lockstep is not None and not self._is_early:
+            self.lockstep.send()
         self.profile.end("publish")
 
     def _put_scans(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
@@ -119,11 +160,6 @@ class Simulation:
             if output.scans:
                 self.commands.scan_sent(robot_id)
             output.put(output.scans, observation, again=again)
-
-    def _announce(self) -> None:
-        if self.lockstep is not None:
-            self._announced = list(self.outputs)
-            self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
 
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""
@@ -209,12 +245,15 @@ class Simulation:
         self._is_first = True
         if self.lockstep is not None:
             self.lockstep.ask(OpenTick.start_anew)
+            self.lockstep.outside.start_anew()
         self.boundary.begin_anew()
 
     def match_robots(self) -> None:
         """Publish what the robots sense that are in the world now, and answer for them."""
         self.outputs.match_robots()
         self.holds.match_robots(self.outputs.keys())
+        if self.lockstep is not None:
+            self.lockstep.outside.read(names.robot_key(robot_id, names.CMD_VEL) for robot_id in self.outputs)
 
     def spawn(self, request: client.SpawnRequest) -> int:
         """Add a robot and return its id. Raises UsageError."""
@@ -225,20 +264,20 @@ class Simulation:
         self.engine.spawn(robot_id, robot, checked=not request.force)
         self.statistics.set_down(robot_id, robot.pose)
         self.match_robots()
-        self.statistics.add_external_command()
+        self._note_change("spawn", msgspec.structs.replace(request, id=robot_id))
         return robot_id
 
-    def remove(self, robot_id: int) -> None:
-        self.engine.remove(robot_id)
+    def remove(self, request: client.RemoveRequest) -> None:
+        self.engine.remove(request.id)
         self.match_robots()
-        self.statistics.add_external_command()
+        self._note_change("remove", request)
 
     def move(self, request: client.MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""
         self.engine.place(request.id, _pose(request), checked=not request.force)
         self.statistics.set_down(request.id, _pose(request))
         self.outputs.put_statics(request.id)
-        self.statistics.add_external_command()
+        self._note_change("move", request)
 
     def add_fault(self, request: client.FaultRequest) -> None:
         """Carry out a fault from the next tick on (lock-step). Raises UsageError."""
@@ -249,7 +288,7 @@ class Simulation:
         if not is_simulated(fault):
             raise UsageError(f"{fault.fault} {fault.name}: in lock-step this happens to a process, not in the world")
         self.faults.add(fault)
-        self.statistics.add_external_command()
+        self._note_change("fault", request)
 
     def status(self) -> client.SimStatus:
         lockstep = self.lockstep

@@ -162,8 +162,10 @@ class _BridgedSession(_Session):
         outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
         return self._keep(_PublisherPair(inside, outside))
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
-        inside = super().declare_subscriber(key_expr, handler, latched)
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, from_others: bool = False
+    ) -> Closeable:
+        inside = super().declare_subscriber(key_expr, handler, latched, from_others)
         sessions, receivers = self._sessions, [HubReceiver(self._owner, handler)]
 
         def hear(sample: RawSample) -> None:
