@@ -242,6 +242,16 @@ def fixed_part(key_expr: str) -> str:
     return head.rpartition("/")[0] if wildcard else key_expr
 
 
+def is_own_query(name: str, key: str) -> bool:
+    """Whether a query's key is one that the process of this name answers for itself alone."""
+    robot_id, target = navigated_robot_of(name), split_robot_key(key)
+    if robot_id is not None:
+        return target is not None and target[0] == robot_id and target[1].startswith(f"{NAVIGATION}/")
+    if name == GOALS:
+        return target is not None and target[1] in (PAUSE_GOALS, RESUME_GOALS)
+    return key.startswith(f"{name}/")
+
+
 def strip_slash(name: str) -> str:
     """A key or frame without the leading slash that ROS users write."""
     return name[1:] if name.startswith("/") else name

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from support.limits import LIMIT
@@ -179,6 +180,7 @@ class LockStepHarness:
     def open(self, tick: int, *robots: int) -> None:
         """Open a tick."""
         self.lockstep.open(tick * INTERVAL, tick, [*robots])
+        self.lockstep.send()
 
     def wait(self, limit: float = LIMIT) -> bool:
         """The result of `LockStep.wait`, which has to return within `limit` host seconds."""
@@ -259,7 +261,13 @@ class ScriptedSimulator:
         self.answers: list[Done] = []
         self._ticks = self.bus.publisher(names.TICK, Tick)
         self._clock = self.bus.publisher(names.CLOCK, Clock)
-        self.bus.subscribe(names.done_key(name), Done, lambda _key, done: self.answers.append(done))
+        self.reads: list[str] = []
+        """What the participant has said last that it reads."""
+        self.bus.subscribe(names.done_key(name), Done, self._on_done)
+
+    def _on_done(self, _key: str, done: Done) -> None:
+        self.reads = done.reads or self.reads
+        self.answers.append(msgspec.structs.replace(done, reads=[]))
 
     def appear(self) -> None:
         """Declare the presence token of a simulator in lock-step."""

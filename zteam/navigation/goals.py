@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from zteam import names
+from zteam.bus import Change, NoRequest
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.resources import read_yaml
@@ -17,7 +18,7 @@ from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
-from zteam.robot.client import serve_list
+from zteam.robot.client import ListReply
 
 _CANCEL_LIMIT = 1.0
 """Host seconds for all robots to give up their goals when the process ends."""
@@ -140,6 +141,8 @@ class Errand:
     failures: int = 0
     """Of them, those since the last goal that was reached."""
     is_paused: bool = False
+    asked_pause: bool = False
+    """Whether it is paused, or is to be with a tick of lock-step that comes."""
     """Whether the robot is to get no further goal for now."""
     is_over: bool = False
     """Whether there is no further goal for it."""
@@ -168,13 +171,25 @@ class Dispatcher:
         """Whether the first tick of lock-step is open."""
         node.bus.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_told)
         for robot_id, errand in self.errands.items():
-            serve_list(node.bus, robot_id, partial(getattr, errand, "is_paused"), partial(self._pause, errand))
+            self._serve_list(robot_id, errand)
         node.need(self._lacks)
         node.on_stop(self._cancel_all)
 
-    def _pause(self, errand: Errand, paused: bool) -> None:
-        with self._node.between_steps():
-            changed, errand.is_paused = paused != errand.is_paused, paused
+    def _serve_list(self, robot_id: int, errand: Errand) -> None:
+        """Answer for the list of a robot. While it is paused, the robot gets no further goal of the list; the one that
+        it has stays, unless it is canceled."""
+        node = self._node
+        node.bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(errand.asked_pause))
+        for topic, paused in ((names.PAUSE_GOALS, True), (names.RESUME_GOALS, False)):
+            check, change = partial(self._agree_to_pause, errand, paused), partial(self._pause, errand, paused)
+            node.serve_change(names.robot_key(robot_id, topic), Change, check, change, after_step=True)
+
+    def _agree_to_pause(self, errand: Errand, paused: bool, _request: Change) -> tuple[ListReply, bool]:
+        errand.asked_pause = paused
+        return ListReply(paused), True
+
+    def _pause(self, errand: Errand, paused: bool, _request: Change) -> None:
+        changed, errand.is_paused = paused != errand.is_paused, paused
         if changed:
             text = "no further goal until 'zteam goals --resume'" if paused else "the list goes on"
             log.info("%s: %s", errand.client.name, text)

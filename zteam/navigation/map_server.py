@@ -1,19 +1,35 @@
-"""The map server's process: one map on `map`, kept for late subscribers."""
+"""The map server's process: one map on `map`, kept for late subscribers.
+
+It takes part in lock-step, so that all participants get the map as it is, before their first tick.
+"""
 
 from zteam import names
 from zteam.errors import log
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.maps import map_message
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 
 
-def run_map_server(node: ProcessNode, grid: GridMap, source: str) -> None:
+class _NoSteps:
+    """The timer of a process that does nothing in real time."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    def wait(self, limit: float) -> None:
+        self._node.wait(lambda: False, limit)
+
+    def take(self) -> int | None:
+        return None
+
+
+def run_map_server(node: Node, grid: GridMap, source: str) -> None:
     """Publish the map until the process is asked to stop; `source` is what the log calls it."""
-    node.become_present()
+    node.adopt(lambda due: None, _NoSteps(node))
     publisher = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
     publisher.put(map_message(grid))
+    node.become_present()
     frame = grid.frame
     log.info("serving %s: %d x %d cells of %g m", source, frame.columns, frame.rows, frame.resolution)
-    while not node.stopping:
-        node.wait(lambda: False, 60.0)
+    node.drive(lambda: None)

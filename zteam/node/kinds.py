@@ -61,7 +61,7 @@ KINDS: tuple[Kind, ...] = (
         required_to_finish=True,
     ),
     # Few teams need a map server: `zteam doctor` names it where the map is missing.
-    Kind("map", names.MAP_SERVER, "zteam-map", 1),
+    Kind("map", names.MAP_SERVER, "zteam-map", 1, in_lockstep=True),
     Kind("transforms", names.AGGREGATOR, "zteam-tf", 1, "zteam-tf", in_lockstep=True),
     Kind("monitor", names.MONITOR, "zteam-monitor", 1, "zteam-monitor --team-size {robots}"),
     Kind("navigation", NAVIGATION, "zteam-nav", 0, in_lockstep=True, robot_id_of=names.navigated_robot_of),

@@ -3,14 +3,16 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from enum import Enum, auto
+from itertools import count
 
 import msgspec
+import numpy as np
 
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import monotonic
-from zteam.messages import Done, Tick, Twist, ns_from_time
+from zteam.messages import Done, Input, Tick, Twist, ns_from_time
 from zteam.messages.message import CDR
 from zteam.node.process_node import ProcessNode
 from zteam.node.screen import FROM_TICK, Screen
@@ -139,7 +141,12 @@ class Participant:
     gives_away = False
     """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
-    def __init__(self, node: ProcessNode, on_listed: Callable[[], object], on_refused: Callable[[str], object]) -> None:
+    def __init__(
+        self,
+        node: ProcessNode,
+        on_listed: Callable[[], object] = lambda: None,
+        on_refused: Callable[[str], object] = lambda _: None,
+    ) -> None:
         """`on_listed()` is called when a tick lists this process for the first time, or again; `on_refused(key)` for a
         message that does not count as it comes (`Screen`)."""
         self._node, self._on_listed = node, on_listed
@@ -152,6 +159,9 @@ class Participant:
         """Of the newest input that was taken."""
         self.changes: dict[str, Callable[[bytes], object]] = {}
         """What a request that a tick carries changes in this process, by its key."""
+        self._asked: list[Input] = []
+        """The requests that were handed on, and that no tick has carried yet."""
+        self._asked_numbers = count(1)
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
@@ -174,11 +184,20 @@ class Participant:
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
         """Answer the tick whose step has begun, a robot with its command."""
-        self._answer = Done(tick.epoch, tick.tick, command is not None, command or _STAND, 0, self._news())
+        self._answer = Done(
+            tick.epoch, tick.tick, command is not None, command or _STAND, 0, self._news(), [*self._asked]
+        )
         (self._done.put_owned if command is None or self.gives_away else self._done.put)(self._answer)
         self.state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
+
+    def hand_on(self, key: str, request: bytes) -> None:
+        """Let the next tick carry a query's request, which changes this process then."""
+        self._asked.append(Input(next(self._asked_numbers), key, "", np.frombuffer(request, np.uint8)))
+        if self.state is TickState.ANSWERED:
+            # The world may stand still.
+            self._done.put(msgspec.structs.replace(self._answer, inputs=[*self._asked]))
 
     def _news(self) -> list[str]:
         """What this process reads, if that has changed since it was told."""
@@ -189,8 +208,8 @@ class Participant:
         return bus.reads()
 
     def _timing(self) -> RoundTiming:
-        count = max(1, len(self._acts))
-        return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
+        ticks = max(1, len(self._acts))
+        return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / ticks, 1e3 * sum(self._acts) / ticks)
 
     def _on_tick(self, tick: Tick) -> None:
         if not self._node.can_publish:
@@ -214,10 +233,12 @@ class Participant:
         self.stamp = stamp
         if (robots := tick.robots.tolist()) != self._world:
             self._world, self.robots = robots, frozenset(robots)
-        self.screen.open(tick.sessions)
+        # Without sessions it is that of an older simulator.
+        self.screen.open(tick.sessions if tick.sessions or not tick.participants else None)
         if not is_listed:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self._done.put(Done(tick.epoch, tick.tick, reads=self._node.bus.reads()))
+            self._told_reads = -1
+            self._done.put(Done(tick.epoch, tick.tick, reads=self._news(), inputs=[*self._asked]))
             return
         was_open = state is TickState.OPEN
         seen = before if before is not None and was_open else self._answer
@@ -242,6 +263,9 @@ class Participant:
                 continue
             data, change = each.data.tobytes(), self.changes.get(each.key)
             if change is not None:
+                mine = (asked for asked in self._asked if (asked.key, asked.data.tobytes()) == (each.key, data))
+                if (carried := next(mine, None)) is not None:
+                    self._asked.remove(carried)
                 change(data)
             else:
                 encoding = CDR + each.type if each.type else ""
@@ -253,4 +277,7 @@ class Participant:
         self.state = TickState.NONE
         self._answer, self._number = Done(), 0
         self.screen.forget()
+        asked, self._asked = self._asked, []
+        for each in asked:
+            self.changes[each.key](each.data.tobytes())
         self._node.wake()

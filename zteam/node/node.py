@@ -10,8 +10,10 @@ from numbers import Real
 from traceback import extract_stack
 from typing import Any, NamedTuple, Protocol, TypeVar
 
+import msgspec
+
 from zteam import names
-from zteam.bus import Bus, BusOptions, NoRequest, Publisher, connect
+from zteam.bus import Bus, BusOptions, Deferred, NoRequest, Publisher, connect
 from zteam.bus.graph import find_graph, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
 from zteam.clock import Every, Rate, monotonic, to_ns
@@ -30,6 +32,7 @@ from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessag
 from zteam.node.working import StepWatch
 
 M = TypeVar("M", bound=Message)
+Request = TypeVar("Request", bound=msgspec.Struct)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
@@ -293,6 +296,37 @@ class Node(ProcessNode):
                 self.bus.counters.drop(key, full)
 
         return self.bus.subscribe_from(key_expr, message_type, self.handler(on_message), problem, latched=latched)
+
+    def serve_change(
+        self,
+        key: str,
+        request_type: type[Request],
+        check: Callable[[Request], tuple[Any, bool]],
+        change: Callable[[Request], object],
+        *,
+        after_step: bool = False,
+    ) -> None:
+        """Answer queries that change this process. `check(request)` returns the answer and whether `change(request)` is
+        to follow: at once, or in lock-step with the next tick, in which it is one of all changes from outside.
+
+        Both are called under `changed`; with `after_step`, not during a step.
+        """
+
+        def answer(request: Request) -> Any:
+            with self.between_steps() if after_step else self.changed:
+                reply, is_accepted = check(request)
+                if is_accepted and self.part.expected:
+                    self.part.hand_on(key, msgspec.json.encode(request))
+                elif is_accepted:
+                    change(request)
+                return reply
+
+        def handle(request: Request) -> Any:
+            # It may wait, and other queries are answered meanwhile.
+            return Deferred(partial(answer, request)) if after_step else answer(request)
+
+        self.part.changes[key] = lambda data: change(msgspec.json.decode(data, type=request_type))
+        self.bus.serve(key, request_type, handle)
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""

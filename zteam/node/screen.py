@@ -24,19 +24,16 @@ class Screen:
         """`simulators` are the sessions of those in lock-step; `on_refused(key)` is called for a message that is
         dropped."""
         self._lock, self._simulators, self._on_refused = lock, simulators, on_refused
-        self.sessions: frozenset[str] = frozenset()
-        """Whose messages count; empty without a tick, where all do."""
+        self.sessions: frozenset[str] | None = None
+        """Whose messages count; None where all do."""
         self._waiting = deque[tuple[SampleHandler, RawSample]](maxlen=_MOST)
         self._latched: dict[tuple[SampleHandler, str, str], RawSample] = {}
         """The newest by handler, key and session."""
 
     def admits(self, sample: RawSample, handler: SampleHandler, latched: bool) -> bool:
         """Whether a message is handled now."""
-        sessions, simulators = self.sessions, self._simulators
-        if not sessions:
-            # Before the first tick of lock-step, chance says what has come.
-            return latched or not simulators or sample.source in simulators
-        if sample.source in sessions:
+        sessions = self.sessions
+        if sessions is None or sample.source in sessions:
             return True
         with self._lock:
             if self.sessions is not sessions:
@@ -52,8 +49,11 @@ class Screen:
                 self._waiting.append((handler, sample))
         return False
 
-    def open(self, sessions: Iterable[str]) -> None:
-        """A tick lists these sessions; hand what has waited for one of them to its handler."""
+    def open(self, sessions: Iterable[str] | None) -> None:
+        """A tick lists these sessions; hand what has waited for one of them to its handler. None: it lists none."""
+        if sessions is None:
+            self.forget()
+            return
         self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
         waiting, self._waiting = self._waiting, deque(maxlen=_MOST)
         for handler, sample in waiting:
@@ -66,7 +66,7 @@ class Screen:
 
     def forget(self) -> None:
         """There are no ticks any more: all messages count."""
-        self.sessions = frozenset()
+        self.sessions = None
         waiting = [*((handler, sample) for (handler, _, _), sample in self._latched.items()), *self._waiting]
         self._latched.clear()
         self._waiting.clear()

@@ -142,7 +142,7 @@ class TickMessages:
         self._kept = {place: arrival for place, arrival in self._kept.items() if place[0] or arrival.latched}
         self._count = Counter(arrival.key for arrival in self._kept.values())
 
-    def handle_due(self, stamp: int | None, sessions: Set[str] = frozenset()) -> None:
+    def handle_due(self, stamp: int | None, sessions: Set[str] | None = None) -> None:
         """Handle what is due in the tick of `stamp`; everything with None, when there are no ticks any more.
 
         With `sessions`, what others than these have sent is dropped: their process has left in the tick in which it
@@ -164,7 +164,7 @@ class TickMessages:
         # Those of all senders of a subscription together.
         for (is_of_tick, tick, _key, _subscription), group in groupby(due, lambda place: place[:4]):
             arrivals = [self._kept.pop(place) for place in group]
-            if sessions and not is_of_tick:
+            if sessions is not None and not is_of_tick:
                 arrivals = [arrival for arrival in arrivals if arrival.source in sessions]
             for arrival in arrivals if is_of_tick or len(arrivals) == 1 else _in_order(arrivals):
                 arrival.handle(arrival.key, arrival.message, tick)

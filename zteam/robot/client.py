@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus, Change, NoRequest
+from zteam.bus import Bus, Change
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError, ZteamError
 from zteam.messages import NavigationState, PoseStamped
@@ -165,21 +165,6 @@ class ListReply(msgspec.Struct):
 
 _LIST_LIMIT = 1.0
 """Host seconds for an answer about a list, at which no step is waited for."""
-
-
-def serve_list(bus: Bus, robot_id: int, is_paused: Callable[[], bool], pause: Callable[[bool], None]) -> None:
-    """Answer for the list of a robot; `pause(paused)` is called on a thread of the bus.
-
-    While it is paused, the robot gets no further goal of the list. The one that it has stays, unless it is canceled.
-    """
-
-    def on_request(paused: bool, _request: Change) -> ListReply:
-        pause(paused)
-        return ListReply(paused)
-
-    bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(is_paused()))
-    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), Change, partial(on_request, True))
-    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), Change, partial(on_request, False))
 
 
 def find_lists(bus: Bus) -> dict[int, bool]:

@@ -47,9 +47,10 @@ def _simulator(options: process_options.SimOptions) -> Part:
 def _map_server(options: process_options.MapOptions) -> Part:
     from zteam.navigation.map_server import run_map_server
     from zteam.navigation.planning.maps import read_map
+    from zteam.node.node import Node
 
     grid = read_map(options.file)
-    return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")
+    return Part(lambda node: run_map_server(node, grid, str(options.file)), Node)
 
 
 def _aggregator(options: process_options.AggregatorOptions) -> Part:

@@ -5,7 +5,7 @@ local name (`odom`), with its prefix (`robot_1/odom`) or with a leading slash: a
 name. `static_transforms` chooses the authority of each static transform. Stamps are never changed.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from functools import lru_cache
 
 from zteam import names
@@ -138,11 +138,12 @@ class Merger:
         if refused is not None:
             self._report(static.transform.child_frame_id, static.authority, refused)
 
-    def add_static(self, transform: TransformStamped, authority: str) -> str:
-        """Store a static transform that a tool asks for; the reason of a refusal, else empty."""
+    def why_not_static(self, transform: TransformStamped, authority: str, ended: Container[str] = ()) -> str:
+        """Why a static transform that a tool asks for is refused; empty if it is not. What `ended` authorities have
+        said does not count."""
         child = transform.child_frame_id
         known = self.statics.holders.get(child) or self.buffer.frame(child)
-        if known is not None and known.authority != authority:
+        if known is not None and known.authority != authority and known.authority not in ended:
             way_out = "name another child"
             if known.authority == TEAM_FILE:
                 way_out = "change it there"
@@ -151,8 +152,15 @@ class Merger:
             elif isinstance(known, Static) and known.rank == Rank.CALLER:
                 way_out = "end that process or name another child"
             return f"{self.statics.shown(known.authority)} publishes {child} already: {way_out}"
-        refused = self.statics.put(Static(Rank.CALLER, transform, authority))
+        refused = self.statics.refusal(Static(Rank.CALLER, transform, authority))
         return refused.text if refused else ""
+
+    def add_static(self, transform: TransformStamped, authority: str) -> str:
+        """Store a static transform that a tool asks for; the reason of a refusal, else empty."""
+        if refused := self.why_not_static(transform, authority):
+            return refused
+        self.statics.put(Static(Rank.CALLER, transform, authority))
+        return ""
 
     def take_pending(self, tick: int = 0) -> list[TransformStamped]:
         """The moving transforms stored since the last call, for one bundled message.

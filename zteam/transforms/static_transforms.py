@@ -91,6 +91,18 @@ class StaticTransforms:
         text = f"{child} is said by {first} and by {self.shown(authority)}: {first} stays"
         return Rejection("second authority", text)
 
+    def refusal(self, static: Static) -> Rejection | None:
+        """What `put` would return; nothing is kept."""
+        child, authority, changed = static.transform.child_frame_id, static.authority, self.changed
+        before = self._said.get(child, {}).get(authority)
+        refused = self.put(static)
+        if before is not None:
+            self.put(before)
+        elif authority in self._said.get(child, {}):
+            self._take_back(child, authority)
+        self.changed = changed
+        return refused
+
     def _choose(self, child: str) -> Rejection | None:
         """Let the best source count; None, or why the buffer refused it and the one of before still counts."""
         held, said = self.holders.get(child), self._said[child]

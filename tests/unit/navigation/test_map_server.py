@@ -20,7 +20,7 @@ from zteam.messages import Header, OccupancyGrid, Point, Pose, decode, encode
 from zteam.navigation.map_server import run_map_server
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.maps import map_grid, map_message, read_map
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 from zteam.node.shutdown import Stop
 
 VALUES = np.array([[0, 100, -1, 30], [65, 25, 26, 64]], np.int8)
@@ -83,7 +83,7 @@ def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
 def test_it_serves_late_subscribers_until_it_is_stopped(hub: MemoryHub, grid: GridMap) -> None:
     """The process holds the name `map`, and a late subscriber gets the map too."""
     stop, found = Stop(), list[OccupancyGrid]()
-    node = ProcessNode("map", hub.bus(), stop, "wall")
+    node = Node("map", hub.bus(), stop)
     thread = threading.Thread(target=run_map_server, args=(node, grid, "office.yaml"))
     thread.start()
     bus = hub.bus()

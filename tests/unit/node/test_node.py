@@ -333,9 +333,10 @@ def test_what_a_callback_raises_ends_it(
 
     node, steps, last = make(), list[int](), 2 if every_tick else 3
     key = names.robot_key(0, names.ODOM)
-    odoms = hub.bus().publisher(key, Odometry)
+    base = hub.bus()
+    odoms = base.publisher(key, Odometry)
     node.subscribe(key, Odometry, fail, every_tick=every_tick)
-    world = new_harness("planner")
+    world = new_harness("planner", bus=base if every_tick else None)
 
     def script() -> Iterator[None]:
         for tick in range(1, last):

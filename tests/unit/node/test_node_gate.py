@@ -135,7 +135,7 @@ def test_in_lock_step_its_first_step_is_that_of_the_first_tick(
     """While the first tick is held it is ready and steps not once; with GO it steps in that very tick."""
 
     def script() -> Iterator[None]:
-        world = new_harness("robot_3", gate=True)
+        world = new_harness("robot_3", gate=True, bus=team.bus)
         world.open(1, 3)
         world.begin()
         team.observe(1)

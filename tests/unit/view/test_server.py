@@ -14,7 +14,8 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import wait_until_true
 from support.web_view import TOKEN, View, open_page, open_view
-from zteam.bus import Bus, MemoryHub
+from zteam import names
+from zteam.bus import Bus, Change, MemoryHub, NoRequest
 from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.messages import (
@@ -32,7 +33,7 @@ from zteam.messages import (
     Vector3,
 )
 from zteam.node.stopping import StopSwitch
-from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query, serve_list
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, ListReply, navigation_query
 from zteam.view.frames import PATH, POSES, SAMPLES, TEAM
 from zteam.view.requests import MAX_BYTES
 
@@ -175,9 +176,15 @@ def test_cancel_all_pauses_lists_of_goals(view: View, memory: MemoryHub) -> None
         told.append(robot_id)
         return CancelReply(canceled=robot_id == 0)
 
+    def pause(robot_id: int, paused: bool, _request: Change) -> ListReply:
+        told.append((robot_id, paused))
+        return ListReply(paused)
+
     for robot_id in (0, 1):
         memory.bus().serve(navigation_query(robot_id, CANCEL), CancelRequest, partial(cancel, robot_id))
-        serve_list(memory.bus(), robot_id, lambda: False, lambda paused, i=robot_id: told.append((i, paused)))  # type: ignore[misc]
+        memory.bus().serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(False))
+        for topic, paused in ((names.PAUSE_GOALS, True), (names.RESUME_GOALS, False)):
+            memory.bus().serve(names.robot_key(robot_id, topic), Change, partial(pause, robot_id, paused))
     with open_page(view.port) as page:
         assert page.command(op="cancel", robots=[0]) == ""
         assert page.command(op="cancel", robots=[0], pauses=True) == ""

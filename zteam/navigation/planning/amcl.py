@@ -31,6 +31,7 @@ BIN_SIZE = 0.5, 0.5, math.radians(10.0)
 _BINS_OF_TURN = 36
 _MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED, _MIX = range(6)
 """Streams of random numbers."""
+NO_FREE_CELLS = "the map has no free cells: a robot can be nowhere on it"
 _FOUND = 0.2, 0.2, 0.1
 """Metres, metres, radians: deviations of the particles about the place that was found on the whole map."""
 _FIRST_STEPS = 0.1, 0.05
@@ -152,6 +153,11 @@ class Amcl:
         self._begin(self._anywhere(self.options.max_particles, _SPREAD, self._spreads))
         self._search = GlobalSearch(self._grid, self.options.farthest)
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
+
+    @property
+    def has_free_cells(self) -> bool:
+        """Whether there is a place on the map where a robot can be."""
+        return bool(len(self._free))
 
     @property
     def is_lost(self) -> bool:
@@ -294,7 +300,7 @@ class Amcl:
     def _anywhere(self, count: int, purpose: int, counter: int) -> Floats:
         """Poses all over the free cells: (count, 3). Raises ValueError for a map without any."""
         if not len(self._free):
-            raise ValueError("the map has no free cells: a robot can be nowhere on it")
+            raise ValueError(NO_FREE_CELLS)
         frame = self._grid.frame
         draws = uniforms(self._state(purpose, counter), 4 * count).reshape(-1, 4)
         row, column = np.divmod(self._free[(draws[:, 0] * len(self._free)).astype(np.int64)], frame.columns)

@@ -11,7 +11,7 @@ from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
 from zteam.messages.planar import planar
-from zteam.navigation.planning.amcl import INITIAL_DEVIATIONS, Amcl
+from zteam.navigation.planning.amcl import INITIAL_DEVIATIONS, NO_FREE_CELLS, Amcl
 from zteam.navigation.planning.grid import Floats, GridMap
 from zteam.navigation.planning.parameters import FakeOptions, Parameters
 from zteam.navigation.planning.scans import Scan, Teammate, seen_from
@@ -54,9 +54,12 @@ class Localiser:
         """The robot is about here; why that does not count, if it does not."""
         return "this localiser takes no initial pose"
 
-    def localize_globally(self) -> str:
-        """The robot may be anywhere; why that does not count, if it does not."""
+    def why_not_localized_globally(self) -> str:
+        """Why the robot cannot be looked for everywhere; empty if it can."""
         return "this localiser has no particles to spread: start zteam-nav with --localizer amcl"
+
+    def localize_globally(self) -> None:
+        """The robot may be anywhere."""
 
     def particles(self) -> Floats:
         """(n, 3): guesses of the pose."""
@@ -148,13 +151,12 @@ class AmclLocaliser(Localiser):
         self._placed, self.map_from_odom = True, None
         return ""
 
-    def localize_globally(self) -> str:
-        try:
-            self._amcl.localize_globally()
-        except ValueError as error:
-            return str(error)
+    def why_not_localized_globally(self) -> str:
+        return "" if self._amcl.has_free_cells else NO_FREE_CELLS
+
+    def localize_globally(self) -> None:
+        self._amcl.localize_globally()
         self._placed, self.map_from_odom = True, None
-        return ""
 
     def particles(self) -> Floats:
         return self._amcl.particles

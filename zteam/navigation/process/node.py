@@ -4,7 +4,8 @@ In lock-step it takes part as one participant, under the name of its first robot
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -72,10 +73,9 @@ class NavigationNode:
         _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped)
         self._listen(inputs, names.STATUS, messages.RobotStatus)
-        self._serve(robot_id, "info", NoRequest, lambda: own_info(node.name, node.bus.instance, node.claim.start))
-        self._serve(robot_id, CANCEL, CancelRequest, lambda: CancelReply(robot.cancel()))
-        spread = robot.localize_globally
-        self._serve(robot_id, GLOBAL_LOCALIZATION, GlobalLocalizationRequest, lambda: GlobalLocalizationReply(spread()))
+        info = navigation_query(robot_id, "info")
+        node.bus.serve(info, NoRequest, lambda _: own_info(node.name, node.bus.instance, node.claim.start))
+        self._serve_changes(robot_id, robot)
         return robot
 
     def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message]) -> None:
@@ -86,12 +86,21 @@ class NavigationNode:
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, on_message)
 
-    def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[], Any]) -> None:
-        def handle(_request: Any) -> Any:
-            with self._node.between_steps():
-                return answer()
+    def _serve_changes(self, robot_id: int, robot: RobotNavigation) -> None:
+        def can_cancel(_: CancelRequest) -> tuple[CancelReply, bool]:
+            # A goal that is about to come is canceled as well.
+            return CancelReply(robot.has_goal), True
 
-        self._node.bus.serve(navigation_query(robot_id, service), request, handle)
+        def can_spread(_: GlobalLocalizationRequest) -> tuple[GlobalLocalizationReply, bool]:
+            refused = robot.why_not_localized_globally()
+            return GlobalLocalizationReply(refused), not refused
+
+        def spread(_: GlobalLocalizationRequest) -> None:
+            robot.localize_globally()
+
+        serve, key = partial(self._node.serve_change, after_step=True), partial(navigation_query, robot_id)
+        serve(key(CANCEL), CancelRequest, can_cancel, lambda _: robot.cancel())
+        serve(key(GLOBAL_LOCALIZATION), GlobalLocalizationRequest, can_spread, spread)
 
     def _on_map(self, _key: str, message: messages.OccupancyGrid) -> None:
         try:

@@ -58,9 +58,19 @@ class RobotNavigation:
         if self._grid is not None:
             self.set_map(self._grid)
 
-    def localize_globally(self) -> str:
-        """Spread the particles; why that does not count, if it does not."""
-        return NO_MAP if self._localiser is None else self._localiser.localize_globally()
+    def why_not_localized_globally(self) -> str:
+        """Why the particles cannot be spread; empty if they can."""
+        return NO_MAP if self._localiser is None else self._localiser.why_not_localized_globally()
+
+    def localize_globally(self) -> None:
+        """Spread the particles, if that can be done."""
+        if self._localiser is not None and not self._localiser.why_not_localized_globally():
+            self._localiser.localize_globally()
+
+    @property
+    def has_goal(self) -> bool:
+        """Whether there is a goal, also one that has come since the last step."""
+        return self.navigator.active or names.GOAL_POSE in self.inputs.newest
 
     def cancel(self) -> bool:
         """Give up the goal, also one that has come since the last step; whether there was one."""

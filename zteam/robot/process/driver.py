@@ -83,6 +83,8 @@ class Driver:
         self._parameters = options.params
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
+        self._asked = options.params
+        """With those that were asked for, and that a tick of lock-step has still to carry."""
         self._make_behavior(self._parameters)
         self._watch = StepWatch(f"{kind.__name__}.step", "a scan comes every", f"try zteam check {status.behavior}")
         self.absence = ""
@@ -96,33 +98,36 @@ class Driver:
         self._heard_from = 0.0
         """Real time: the host time from which on there was no pause."""
         node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
-        node.bus.serve(names.service_key(node.name, SET), SetRequest, self._set)
+        node.serve_change(names.service_key(node.name, SET), SetRequest, self._check, self._set)
 
     def _read(self, parameters: dict[str, Any]) -> Any:
         """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""
         return read_params(self.status.behavior, self._kind, parameters, self._id)
 
     def _describe(self) -> DescribeReply:
-        values = values_of(self._read(self._parameters))
+        values = values_of(self._read(self._asked))
         return DescribeReply(self.status.behavior, parameters_of(self._kind.Params), values)
 
-    def _set(self, request: SetRequest) -> SetReply:
-        with self._node.changed:
-            before, name = values_of(self._read(self._parameters)), self.status.behavior
-            given = {**self._parameters, **request.parameters}
-            try:
-                values = values_of(self._read(given))
-                unknown = [key for key in request.parameters if key not in values]
-                if unknown:
-                    # `Params` lacks it and does not forbid it: at the start it is ignored.
-                    takes = ", ".join(values) or "no parameters"
-                    raise UsageError(f"behaviour {name}: {unknown[0]}: unknown key; {name} takes {takes}")
-            except UsageError as error:
-                return SetReply(before, refused=str(error))
-            self._parameters = given
+    def _check(self, request: SetRequest) -> tuple[SetReply, bool]:
+        """Whether the behaviour takes these parameters, beside those that hold or are about to."""
+        before, name = values_of(self._read(self._asked)), self.status.behavior
+        given = {**self._asked, **request.parameters}
+        try:
+            values = values_of(self._read(given))
+            unknown = [key for key in request.parameters if key not in values]
+            if unknown:
+                # `Params` lacks it and does not forbid it: at the start it is ignored.
+                takes = ", ".join(values) or "no parameters"
+                raise UsageError(f"behaviour {name}: {unknown[0]}: unknown key; {name} takes {takes}")
+        except UsageError as error:
+            return SetReply(before, refused=str(error)), False
+        self._asked = given
         for key in request.parameters:
             log.info("parameter %s is %r, was %r", key, values[key], before[key])
-        return SetReply(values)
+        return SetReply(values), True
+
+    def _set(self, request: SetRequest) -> None:
+        self._parameters = {**self._parameters, **request.parameters}
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._kind(self._read(parameters))

@@ -7,12 +7,12 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 from functools import partial
 
 from zteam import names
-from zteam.bus import Deferred, NoRequest
+from zteam.bus import NoRequest
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import BusError, log
-from zteam.messages import BaseInfo, LaserScan, Odometry, RobotState, TFMessage, Tick, Twist
+from zteam.messages import BaseInfo, LaserScan, NavigationState, Odometry, RobotState, TFMessage, Tick, Twist
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.node.node import Due, Node
@@ -85,9 +85,8 @@ class RobotNode:
         count = names.service_key(node.name, SAFETY)
         node.bus.serve(count, NoRequest, lambda _: SafetyReply(self.driver.safety.stops))
         if self.driver.behavior.navigation is not None:
-            # It waits for the end of a step: other queries are answered meanwhile.
             cancel = navigation_query(self._id, CANCEL)
-            node.bus.serve(cancel, CancelRequest, lambda _: Deferred(self._cancel_goal))
+            node.serve_change(cancel, CancelRequest, self._can_cancel, self._cancel_goal, after_step=True)
         self._subscribe()
 
     def _subscribe(self) -> None:
@@ -116,9 +115,14 @@ class RobotNode:
         node = self._node
         return "" if node.ticks_tell_time or not node.clock.simulated else self._lateness.problem(sample)
 
-    def _cancel_goal(self) -> CancelReply:
-        with self._node.between_steps():
-            return CancelReply(self.driver.behavior.cancel_goal())
+    def _can_cancel(self, _request: CancelRequest) -> tuple[CancelReply, bool]:
+        navigation = self.driver.behavior.navigation
+        has_goal = navigation is not None and navigation.state == NavigationState.DRIVING
+        # One that is about to come is canceled as well.
+        return CancelReply(has_goal), True
+
+    def _cancel_goal(self, _request: CancelRequest) -> None:
+        self.driver.behavior.cancel_goal()
 
     def _on_scan(self, _key: str, scan: LaserScan) -> None:
         self._is_overdue = self._has_new_scan()

@@ -90,6 +90,8 @@ class LockStep:
         self.outside = Outside(node.bus, self._on_latched)
         self._reads: dict[str, list[str]] = {}
         """The key expressions that a participant reads."""
+        self._asked: dict[str, int] = {}
+        """Number of the newest query that a participant has handed on, by its session."""
         self.resends = 0
         """How often a tick was sent again."""
         self._for_tokens = 0.0, 0
@@ -129,6 +131,7 @@ class LockStep:
                 self._send_for_token()
             if not self.tick.holders.names_of(token[1]):
                 self.outside.part_with(token[1])
+                self._asked.pop(token[1], None)
             self._changed.notify_all()
 
     def _send_for_token(self) -> None:
@@ -157,6 +160,8 @@ class LockStep:
                 if done.reads:
                     self._reads[name] = done.reads
                     self.outside.read(done.reads)
+                for each in done.inputs:
+                    self._take(session, each)
                 if done.has_command and (robot_id := names.robot_id_of(name)) is not None:
                     self._on_command(robot_id)
                 if tick.may_go_on:
@@ -165,6 +170,13 @@ class LockStep:
                 holder = tick.holders.name_of(session)
                 sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
                 self._node.bus.counters.drop(key, f"{sender} does not hold the name {name}")
+
+    def _take(self, session: str, asked: Input) -> None:
+        """A query that is to change the participant which has answered it; it comes again until a tick carries it."""
+        owners = self.tick.holders.names_of(session)
+        if asked.number > self._asked.get(session, 0) and any(names.is_own_query(each, asked.key) for each in owners):
+            self._asked[session] = asked.number
+            self.outside.add(asked.key, asked.data.tobytes())
 
     @property
     def was_held(self) -> bool:

@@ -132,7 +132,7 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
     serve_change("scans", client.ScansRequest, lambda request: simulation.scans(request.robots))
     serve_change("reset", Change, lambda _: simulation.reset())
     serve_change("spawn", client.SpawnRequest, lambda request: client.SpawnReply(simulation.spawn(request)))
-    serve_change("remove", client.RemoveRequest, simulation.remove)
+    serve_change("remove", client.RemoveRequest, lambda request: simulation.remove(request.id))
     serve_change("fault", client.FaultRequest, lambda request: simulation.add_fault(request))
     serve_change("move", client.MoveRequest, simulation.move)
 

@@ -80,7 +80,7 @@ class Simulation:
             self.profile.end("wait")
 
     def _open(self) -> dict[int, Twist]:
-        """Open the next tick in lock-step: from now on it is fixed who takes part and what came from outside. The
+        """Open the next tick in lock-step, which fixes the sessions that take part and what came from outside. The
         commands of that."""
         lockstep, engine = self.lockstep, self.engine
         if lockstep is None:
@@ -267,10 +267,10 @@ class Simulation:
         self._note_change("spawn", msgspec.structs.replace(request, id=robot_id))
         return robot_id
 
-    def remove(self, request: client.RemoveRequest) -> None:
-        self.engine.remove(request.id)
+    def remove(self, robot_id: int) -> None:
+        self.engine.remove(robot_id)
         self.match_robots()
-        self._note_change("remove", request)
+        self._note_change("remove", client.RemoveRequest(robot_id))
 
     def move(self, request: client.MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""

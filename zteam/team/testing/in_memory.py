@@ -15,7 +15,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
-from zteam.messages import Done, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.messages import Done, Input, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.node.lockstep import TickState
 from zteam.node.node import Node
@@ -89,7 +89,9 @@ class RunningNode:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._publisher = functools.cache(self.bus.publisher)
         self._ticks = self.bus.publisher(names.TICK, Tick)
-        self.bus.subscribe(names.done_key(name), Done, lambda _, done: self._answers.append(done))
+        self._asked: dict[int, Input] = {}
+        """The queries that the node has handed on, by number: those that a tick carries."""
+        self.bus.subscribe(names.done_key(name), Done, self._on_done)
         self.bus.declare_token(names.lockstep_key(self.bus.instance))
         self.bus.declare_token(names.token_key(names.SIMULATOR, self.bus.instance))
 
@@ -118,6 +120,10 @@ class RunningNode:
             self._failure = error
         finally:
             self._up.set()
+
+    def _on_done(self, _key: str, done: Done) -> None:
+        self._answers.append(done)
+        self._asked.update((each.number, each) for each in done.inputs)
 
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
@@ -172,7 +178,10 @@ class RunningNode:
     def _send_tick(self, *listed: str) -> None:
         """Send the coming tick. The aggregator is listed, as in a team: inputs on `tf` are waited for."""
         stamp = time_from_ns(to_ns(self.next_time))
-        self._ticks.put(Tick(stamp, self._epoch, self._tick + 1, self._robots, [*listed, names.AGGREGATOR]))
+        listed = *listed, names.AGGREGATOR
+        # The node passes over those that it has had.
+        carried = list(self._asked.values())
+        self._ticks.put(Tick(stamp, self._epoch, self._tick + 1, self._robots, [*listed], inputs=carried))
 
 
 run_node = RunningNode

@@ -24,6 +24,8 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
+_CALLER_ENDED = names.service_key(names.AGGREGATOR, "caller_ended")
+"""Key of what a tick carries when the caller of fixed frames has ended: the caller's session."""
 _SESSION = "session:"
 """What the authority of a broadcaster begins with, before the id of its session."""
 
@@ -62,7 +64,12 @@ class Aggregator:
         node.watch_tokens(names.tokens_key("*"), self._on_token)
         self._callers = CertainTokens(node.bus, names.tokens_key(names.STATIC_CALLER), self._on_caller)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
-        serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
+        self._asked: dict[str, str] = {}
+        """Fixed frames that were asked for, by child: their callers, until a tick of lock-step has carried them."""
+        self._ended: set[str] = set()
+        """Callers that have ended, until a tick of lock-step has carried that."""
+        node.serve_change(service(names.AGGREGATOR, "static"), StaticRequest, self._check_static, self._add_static)
+        self._part.changes[_CALLER_ENDED] = lambda caller: self._drop_caller(caller.decode())
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
         serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
         serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: self._merger.conflicts())
@@ -167,16 +174,35 @@ class Aggregator:
         token = names.split_token_key(key)
         if token is not None and not alive:
             with self._node.changed:
-                self._merger.statics.drop_authority(_caller(token[1]))
-                self._publish_statics()
+                if self._part.expected:
+                    self._ended.add(_caller(token[1]))
+                    self._part.hand_on(_CALLER_ENDED, token[1].encode())
+                else:
+                    self._drop_caller(token[1])
 
-    def _add_static(self, request: StaticRequest) -> StaticReply:
+    def _drop_caller(self, caller: str) -> None:
+        self._ended.discard(_caller(caller))
+        self._merger.statics.drop_authority(_caller(caller))
+        self._publish_statics()
+
+    def _check_static(self, request: StaticRequest) -> tuple[StaticReply, bool]:
+        """Whether a fixed frame may be added to those that hold or are about to."""
         # The request came over the router, so the link is up and missing tokens are gone: their frames are free.
         self._callers.look(0.0)
-        with self._node.changed:
-            refused = self._merger.add_static(request.transform(), _caller(request.caller))
-            self._publish_statics()
-        return StaticReply(refused)
+        transform, caller = request.transform(), _caller(request.caller)
+        child = transform.child_frame_id
+        refused = self._merger.why_not_static(transform, caller, self._ended)
+        if not refused and self._asked.setdefault(child, caller) != caller:
+            refused = f"{self._asked[child]} publishes {child} already: end that process or name another child"
+        return StaticReply(refused), not refused
+
+    def _add_static(self, request: StaticRequest) -> None:
+        transform = request.transform()
+        self._asked.pop(transform.child_frame_id, None)
+        refused = self._merger.add_static(transform, _caller(request.caller))
+        if refused:
+            log.warning("%s", refused)
+        self._publish_statics()
 
     def _on_jump_back(self, old: int, new: int) -> None:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)

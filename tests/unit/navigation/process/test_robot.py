@@ -347,10 +347,11 @@ def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: 
 def test_a_robot_that_may_be_anywhere_does_not_drive() -> None:
     """Particles all over the map: it says how far its place is known."""
     robot = driving("amcl")
-    assert robot.robot.localize_globally() == ""
+    assert robot.robot.why_not_localized_globally() == ""
+    robot.robot.localize_globally()
     assert robot.step() == STOP
     assert robot.text.startswith("it is lost: its place is known to ±")
-    assert "no particles" in driving().robot.localize_globally()
+    assert "no particles" in driving().robot.why_not_localized_globally()
 
 
 def test_navigation_drives_no_car() -> None:
