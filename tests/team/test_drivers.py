@@ -123,7 +123,7 @@ def same_team() -> Iterator[TeamFixture]:
 
 
 def send(team: TeamFixture, key: str, message: Message) -> None:
-    """Publish a message from outside; robot 0 has received it when this returns."""
+    """Publish a message from outside; it has been received when this returns."""
 
     before = received(team, key)
     team.bus.publisher(key, type(message)).put(message)
@@ -131,8 +131,10 @@ def send(team: TeamFixture, key: str, message: Message) -> None:
 
 
 def received(team: TeamFixture, key: str) -> int:
-    """How many messages with this key robot 0 has received, those that it dropped included."""
-    counts = team.bus.ask(names.stats_key(names.robot_name(0)), dict[str, KeyCount])
+    """How many messages with this key the simulator has received from outside, or in real time robot 0, those that it
+    dropped included."""
+    name = names.SIMULATOR if team.sim.status().lockstep else names.robot_name(0)
+    counts = team.bus.ask(names.stats_key(name), dict[str, KeyCount])
     count = counts.get(key, KeyCount())
     return count.received + count.dropped
 

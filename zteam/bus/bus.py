@@ -269,7 +269,8 @@ class Bus:
         from_others: bool = False,
     ) -> Closeable:
         check_use("subscribe to", key_expr, False)
-        forget, place = self._list(key_expr, False), object()
+        # What the simulator takes for others is theirs: it is no reader for people.
+        forget, place = (lambda: None) if from_others else self._list(key_expr, False), object()
         if screened:
             self._readers[place] = _Reader(key_expr, latched, handler)
             self.reads_version += 1

@@ -141,6 +141,10 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     delay: float = 0.0
     """Host seconds from its stamp to its arrival, by two hosts' clocks; 0 where there is no stamp, and in memory."""
 
+    def apart(self) -> "RawSample":
+        """The same, to be kept: one of Zenoh's holds the whole buffer that it came in."""
+        return RawSample(self.key, self.content, self.encoding, self.timestamp, self.source, self.delay)
+
     def sent(self, now: float) -> Sent:
         """When it was sent; it comes at host time `now`."""
         return Sent(self.timestamp, self.delay, now)

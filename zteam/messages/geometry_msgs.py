@@ -182,6 +182,10 @@ class TransformRows(Sequence[TransformStamped]):
     def __repr__(self) -> str:
         return repr([*self])
 
+    def __reduce__(self) -> tuple[type, tuple[list[TransformStamped]]]:
+        """A copy, also one that is pickled, is a list: its bytes may be gone."""
+        return list, ([*self],)
+
 
 class TFMessage(Message):
     """Transforms that were sent together."""

@@ -148,8 +148,8 @@ class Participant:
         on_refused: Callable[[str], object] = lambda _: None,
     ) -> None:
         """`on_listed()` is called when a tick lists this process for the first time, or again; `on_refused(key)` for a
-        message that does not count as it comes (`Screen`)."""
-        self._node, self._on_listed = node, on_listed
+        message from outside that was dropped while the open tick waits for inputs."""
+        self._node, self._on_listed, self._on_refused = node, on_listed, on_refused
         self.repeat: Callable[[], None] = lambda: None
         """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
@@ -168,7 +168,7 @@ class Participant:
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
         self.ticks = Ticks(node, self._on_tick, self._forget)
-        self.screen = Screen(node.lock, self.ticks.simulators, on_refused)
+        self.screen = Screen(node.lock, self.ticks.simulators)
         node.bus.counters.screen = self.screen.admits
         node.follow_clock()
         self.ticks.listen()
@@ -222,7 +222,8 @@ class Participant:
         if before is None:
             self._node.take_time_from_ticks()
         elif tick.tick < before.tick:
-            self._number = 0
+            # The world begins anew.
+            self._number = self.stamp = 0
         stamp = ns_from_time(tick.stamp)
         self._node.set_time(stamp)
         if is_listed:
@@ -234,7 +235,7 @@ class Participant:
         if (robots := tick.robots.tolist()) != self._world:
             self._world, self.robots = robots, frozenset(robots)
         # Without sessions it is that of an older simulator.
-        self.screen.open(tick.sessions if tick.sessions or not tick.participants else None)
+        refused = self.screen.open(tick.sessions if tick.sessions or not tick.participants else None)
         if not is_listed:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
             self._told_reads = -1
@@ -251,6 +252,8 @@ class Participant:
                 self.team = tuple(sorted(i for i in ids if i is not None))
         if is_new or was_open:
             self.state, self._heard = TickState.OPEN, monotonic()
+            for key in () if is_new else refused:
+                self._on_refused(key)
         else:
             self.state = TickState.ANSWERED
             self.repeat()

@@ -201,7 +201,7 @@ class Node(ProcessNode):
         self._messages.forget_others()
 
     def _on_refused(self, key: str) -> None:
-        """A message of a process that takes no part was dropped."""
+        """A message of a process that takes no part was dropped, and the tick still waits for inputs."""
         if declared := self._inputs.declared_without(key):
             self.fail(
                 UsageError(

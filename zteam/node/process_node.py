@@ -78,7 +78,7 @@ class ProcessNode:
         self._failure: BaseException | None = None
         self._busy = False
         """Whether a step is under way."""
-        self._later: deque[tuple[Callable[..., None], tuple[object, ...]]] = deque(maxlen=_MOST_LATER)
+        self._later: deque[tuple[Callable[..., object], tuple[object, ...]]] = deque(maxlen=_MOST_LATER)
         """The inputs that have come meanwhile."""
         self.on_input: Callable[[], object] = lambda: None
         """Called without `changed` after each input, which may make a step due."""
@@ -174,7 +174,7 @@ class ProcessNode:
     # Inputs
 
     def subscribe(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
+        self, key_expr: str, message_type: type[M], callback: Callable[..., object], *, latched: bool = False
     ) -> Closeable:
         """Call `callback(key, message)` under `changed`, then let `wait` look."""
         return self.bus.subscribe(key_expr, message_type, self.handler(callback), latched=latched)
@@ -183,7 +183,7 @@ class ProcessNode:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
         self.bus.watch_tokens([key_expr], self.handler(callback))
 
-    def handler(self, callback: Callable[..., None]) -> Callable[..., None]:
+    def handler(self, callback: Callable[..., object]) -> Callable[..., None]:
         """What the bus may call instead of `callback`: it calls that under `changed`, not during a step, and lets
         `wait` look."""
 

@@ -5,30 +5,32 @@ past it. A session that is not listed may be in the next tick, which may be on i
 A latched one waits until its session is listed.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Iterable, Set
+from itertools import count
 from threading import RLock
+from typing import Any
 
 from zteam.bus.transport import RawSample, SampleHandler
 
 FROM_TICK = "tick"
 """In place of the session of what a tick carries; no session has this id."""
-_MOST = 1000
-"""Messages that wait; each further one replaces the oldest."""
+_MOST, _MOST_BYTES, _MOST_LATCHED_BYTES = 1000, 1 << 20, 16 << 20
+"""Messages that wait, and their bytes: each further one replaces the oldest. A large map is latched."""
 
 
 class Screen:
     """Admits messages, or keeps them. `admits` is called on the bus's threads, all else under `lock`."""
 
-    def __init__(self, lock: RLock, simulators: Set[str], on_refused: Callable[[str], object]) -> None:
-        """`simulators` are the sessions of those in lock-step; `on_refused(key)` is called for a message that is
-        dropped."""
-        self._lock, self._simulators, self._on_refused = lock, simulators, on_refused
+    def __init__(self, lock: RLock, simulators: Set[str]) -> None:
+        """`simulators` are the sessions of those in lock-step."""
+        self._lock, self._simulators = lock, simulators
         self.sessions: frozenset[str] | None = None
         """Whose messages count; None where all do."""
-        self._waiting = deque[tuple[SampleHandler, RawSample]](maxlen=_MOST)
-        self._latched: dict[tuple[SampleHandler, str, str], RawSample] = {}
+        self._waiting = _Kept(_MOST_BYTES)
+        """In the order in which they came."""
+        self._latched = _Kept(_MOST_LATCHED_BYTES)
         """The newest by handler, key and session."""
+        self._numbers = count()
 
     def admits(self, sample: RawSample, handler: SampleHandler, latched: bool) -> bool:
         """Whether a message is handled now."""
@@ -40,35 +42,63 @@ class Screen:
                 # A tick has come meanwhile.
                 return self.admits(sample, handler, latched)
             if latched:
-                place = handler, sample.key, sample.source
-                self._latched.pop(place, None)
-                self._latched[place] = sample
-                if len(self._latched) > _MOST:
-                    del self._latched[next(iter(self._latched))]
+                self._latched.keep((handler, sample.key, sample.source), handler, sample)
             else:
-                self._waiting.append((handler, sample))
+                self._waiting.keep(next(self._numbers), handler, sample)
         return False
 
-    def open(self, sessions: Iterable[str] | None) -> None:
-        """A tick lists these sessions; hand what has waited for one of them to its handler. None: it lists none."""
+    def open(self, sessions: Iterable[str] | None) -> list[str]:
+        """A tick lists these sessions; hand what has waited for one of them to its handler. None: it lists none.
+
+        The keys of the messages that are dropped.
+        """
         if sessions is None:
             self.forget()
-            return
-        self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
-        waiting, self._waiting = self._waiting, deque(maxlen=_MOST)
-        for handler, sample in waiting:
-            if sample.source in self.sessions:
-                handler(sample)
-            else:
-                self._on_refused(sample.key)
-        for place in [place for place in self._latched if place[2] in self.sessions]:
-            place[0](self._latched.pop(place))
+            return []
+        now = self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
+        waiting = self._waiting.take()
+        listed = [each for each in waiting if each[1].source in now]
+        for handler, sample in [*listed, *self._latched.take(now)]:
+            handler(sample)
+        return [sample.key for _, sample in waiting if sample.source not in now]
 
     def forget(self) -> None:
         """There are no ticks any more: all messages count."""
         self.sessions = None
-        waiting = [*((handler, sample) for (handler, _, _), sample in self._latched.items()), *self._waiting]
-        self._latched.clear()
-        self._waiting.clear()
-        for handler, sample in waiting:
+        for handler, sample in [*self._latched.take(), *self._waiting.take()]:
             handler(sample)
+
+
+class _Kept:
+    """Messages that are kept for their handlers, the oldest first."""
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most_bytes, self._bytes = most_bytes, 0
+        self._kept: dict[Any, tuple[SampleHandler, RawSample]] = {}
+
+    def keep(self, place: Any, handler: SampleHandler, sample: RawSample) -> None:
+        """Keep a message, in place of the one that had its `place`; forget the oldest ones if these are too many."""
+        self._forget(place)
+        self._kept[place] = handler, sample.apart()
+        self._bytes += _size(sample)
+        while len(self._kept) > _MOST or self._bytes > self._most_bytes:
+            self._forget(next(iter(self._kept)))
+
+    def _forget(self, place: Any) -> None:
+        if (kept := self._kept.pop(place, None)) is not None:
+            self._bytes -= _size(kept[1])
+
+    def take(self, sessions: Set[str] | None = None) -> list[tuple[SampleHandler, RawSample]]:
+        """The messages of these sessions, or all; they are kept no longer."""
+        if not self._kept:
+            return []
+        places = [place for place, (_, sample) in self._kept.items() if sessions is None or sample.source in sessions]
+        taken = [self._kept[place] for place in places]
+        for place in places:
+            self._forget(place)
+        return taken
+
+
+def _size(sample: RawSample) -> int:
+    """Bytes; within one process messages are shared, and take no place of their own."""
+    return len(sample.content) if isinstance(sample.content, bytes) else 0

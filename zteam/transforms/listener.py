@@ -20,7 +20,8 @@ class TransformListener(Buffer):
         node.on_time_reset(self.clear)
         take, take_static, now = self.set_transforms, self.set_all_static, node.clock.now
         node.subscribe(names.TF, TFMessage, lambda _, m: take(m.transforms, names.TF, now()), every_tick=True)
-        node.subscribe(names.TF_STATIC, TFMessage, lambda _, m: take_static(m.transforms, names.TF), latched=True)
+        # At once: it leaves before the bundle that it belongs to, which is waited for.
+        node.hear(names.TF_STATIC, TFMessage, lambda _, m: take_static(m.transforms, names.TF), latched=True)
         node.need(self._lacks)
 
     @property

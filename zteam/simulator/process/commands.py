@@ -65,15 +65,16 @@ class RobotCommands:
             self._node.bus.counters.drop(sample.key, problem)
             self._statistics.add_late_command(robot_id)
             return
+        is_own = sample.source in self._own.get(robot_id, ())
+        if not is_own:
+            with self._lock:
+                self._others.take(robot_id, sample.source, monotonic())
+        if self.passes_over(sample.source):
+            return
         command = self._node.bus.counters.decode(sample, Twist)
         if command is None:
             return
         with self._changed:
-            is_own = sample.source in self._own.get(robot_id, ())
-            if not is_own:
-                self._others.take(robot_id, sample.source, monotonic())
-            if self.passes_over(sample.source):
-                return
             if not is_own and self._lateness is not None:
                 self._statistics.add_external_command()
             self._fresh[robot_id] = command

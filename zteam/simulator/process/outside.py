@@ -92,6 +92,7 @@ class Outside:
 
     def add(self, key: str, data: bytes, kind: str = "", *, source: str = "", slot: str = "") -> None:
         """Put a message or a request into the next tick. A process that joins later gets the newest one of a `slot`."""
+        self._bus.counters.of(key).received += 1
         if len(data) > MAX_BYTES:
             text = f"from outside lock-step, its {len(data)} bytes are more than {MAX_BYTES}: let its process take part"
             self._bus.counters.drop(key, text)

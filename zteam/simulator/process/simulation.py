@@ -86,13 +86,16 @@ class Simulation:
         if lockstep is None:
             return {}
         now, robots = engine.now + self.world.interval, list(self.outputs)
-        came = lockstep.open(now, engine.tick + 1, robots, self.faults.absent(self.since_go))
+        out = self.faults.absent(None if self._go is None else now - self._go)
+        came = lockstep.open(now, engine.tick + 1, robots, out)
         outside: dict[int, Twist] = {}
         for each in came:
             robot_id, topic = names.split_robot_key(each.key) or (-1, each.key)
             if topic in STOPS:
                 self.holds.hold(robot_id, STOPS[topic])
-            elif topic == names.CMD_VEL and (command := self.commands.read(each)) is not None:
+            elif topic == names.CMD_VEL:
+                if (command := self.commands.read(each)) is None:
+                    continue
                 outside[robot_id] = command
             if topic != names.TEAM_STATUS:
                 self.statistics.add_external_command()
