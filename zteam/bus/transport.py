@@ -5,6 +5,7 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 import msgspec
@@ -91,9 +92,13 @@ def problem_of(key: str) -> str:
     return f"{key!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}"
 
 
+_parse_key = lru_cache(4096)(zenoh.KeyExpr)
+"""To parse it takes much longer than to compare two of them."""
+
+
 def matches(key_expr: str, other: str) -> bool:
     """Whether some key is in both key expressions."""
-    return bool(zenoh.KeyExpr(key_expr).intersects(zenoh.KeyExpr(other)))
+    return bool(_parse_key(key_expr).intersects(_parse_key(other)))
 
 
 def check_use(action: str, key: str, closed: bool) -> None:

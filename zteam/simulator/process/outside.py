@@ -22,7 +22,7 @@ from zteam.messages.message import CDR
 
 MAX_BYTES = 1 << 20
 """Of the inputs of a tick; the rest follows in the next ones. A larger one is refused."""
-_MOST, _MOST_OF_KEY = 10_000, 1000
+_MOST, _MOST_OF_KEY = 2000, 1000
 """Messages that wait, of all keys and of one: a world may stand still while others send."""
 
 
@@ -50,8 +50,10 @@ class Outside:
         self._lock = threading.Lock()
         self._inside = frozenset({bus.instance})
         """The sessions that take part, or have asked to: what they send comes to its readers as it is."""
-        self._reads: dict[str, bool] = {}
-        """What participants read, and whether the last message of before, too."""
+        self._reads: set[str] = set()
+        """The keys, and the wildcards, that participants read."""
+        self._wildcards: list[str] = []
+        """Those of them that are wildcards."""
         self._subscribed: list[tuple[str, bool]] = []
         """Key expressions, and whether latched."""
         self._waiting: deque[_Waiting] = deque()
@@ -66,7 +68,9 @@ class Outside:
         for each in reads:
             key_expr, latched = each.removesuffix(LATCHED), each.endswith(LATCHED)
             with self._lock:
-                self._reads[key_expr] = latched or self._reads.get(key_expr, False)
+                if names.is_wildcard(key_expr) and key_expr not in self._reads:
+                    self._wildcards.append(key_expr)
+                self._reads.add(key_expr)
                 target = names.split_robot_key(key_expr)
                 # Each robot reads the same topics: one subscription serves all.
                 place = key_expr if target is None else names.all_robots_key(target[1]), latched
@@ -80,7 +84,7 @@ class Outside:
             if sample.source in self._inside or names.is_wildcard(sample.key):
                 return
             with self._lock:
-                is_read = any(matches(each, sample.key) for each in self._reads)
+                is_read = sample.key in self._reads or any(matches(each, sample.key) for each in self._wildcards)
                 # Several may have the key: a latched one takes it, else the first.
                 takers = sorted(self._subscribed, key=lambda place: not place[1])
                 takes = is_read and (key_expr, latched) == next(each for each in takers if matches(each[0], sample.key))
