@@ -229,8 +229,9 @@ class Participant:
         if is_listed:
             if state in (TickState.NONE, TickState.UNLISTED):
                 self._on_listed()
-            # It counts as sent in the tick before.
-            self._take_inputs(tick)
+            if tick.inputs:
+                # They count as sent in the tick before.
+                self._take_inputs(tick)
         self.stamp = stamp
         if (robots := tick.robots.tolist()) != self._world:
             self._world, self.robots = robots, frozenset(robots)
@@ -273,7 +274,7 @@ class Participant:
             else:
                 encoding = CDR + each.type if each.type else ""
                 self._node.bus.hand_in(RawSample(each.key, data, encoding, source=FROM_TICK))
-        self._number = max((each.number for each in tick.inputs), default=self._number)
+        self._number = max(each.number for each in tick.inputs)
 
     def _forget(self) -> None:
         self.tick = None

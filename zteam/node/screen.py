@@ -5,7 +5,7 @@ past it. A session that is not listed may be in the next tick, which may be on i
 A latched one waits until its session is listed.
 """
 
-from collections.abc import Iterable, Set
+from collections.abc import Sequence, Set
 from itertools import count
 from threading import RLock
 from typing import Any
@@ -26,6 +26,8 @@ class Screen:
         self._lock, self._simulators = lock, simulators
         self.sessions: frozenset[str] | None = None
         """Whose messages count; None where all do."""
+        self._opened: tuple[Sequence[str], int] | None = None
+        """The sessions of the newest tick, and the number of simulators."""
         self._waiting = _Kept(_MOST_BYTES)
         """In the order in which they came."""
         self._latched = _Kept(_MOST_LATCHED_BYTES)
@@ -47,7 +49,7 @@ class Screen:
                 self._waiting.keep(next(self._numbers), handler, sample)
         return False
 
-    def open(self, sessions: Iterable[str] | None) -> list[str]:
+    def open(self, sessions: Sequence[str] | None) -> list[str]:
         """A tick lists these sessions; hand what has waited for one of them to its handler. None: it lists none.
 
         The keys of the messages that are dropped.
@@ -55,7 +57,13 @@ class Screen:
         if sessions is None:
             self.forget()
             return []
-        now = self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
+        if (sessions, len(self._simulators)) != self._opened:
+            self._opened = sessions, len(self._simulators)
+            self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
+        if not (self._waiting or self._latched):
+            return []
+        now = self.sessions
+        assert now is not None
         waiting = self._waiting.take()
         listed = [each for each in waiting if each[1].source in now]
         for handler, sample in [*listed, *self._latched.take(now)]:
@@ -64,7 +72,7 @@ class Screen:
 
     def forget(self) -> None:
         """There are no ticks any more: all messages count."""
-        self.sessions = None
+        self.sessions = self._opened = None
         for handler, sample in [*self._latched.take(), *self._waiting.take()]:
             handler(sample)
 
@@ -75,6 +83,9 @@ class _Kept:
     def __init__(self, most_bytes: int) -> None:
         self._most_bytes, self._bytes = most_bytes, 0
         self._kept: dict[Any, tuple[SampleHandler, RawSample]] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._kept)
 
     def keep(self, place: Any, handler: SampleHandler, sample: RawSample) -> None:
         """Keep a message, in place of the one that had its `place`; forget the oldest ones if these are too many."""
@@ -90,8 +101,6 @@ class _Kept:
 
     def take(self, sessions: Set[str] | None = None) -> list[tuple[SampleHandler, RawSample]]:
         """The messages of these sessions, or all; they are kept no longer."""
-        if not self._kept:
-            return []
         places = [place for place, (_, sample) in self._kept.items() if sessions is None or sample.source in sessions]
         taken = [self._kept[place] for place in places]
         for place in places:

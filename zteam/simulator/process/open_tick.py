@@ -16,6 +16,11 @@ from zteam.messages import Done, Input, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
 
 
+_NOTHING: list[Input] = []
+_NOBODY: list[str] = []
+"""In ticks, which are not changed."""
+
+
 class Start(Enum):
     """How far the first tick is. Each state is followed by the next one, and no other tick begins before the last."""
 
@@ -39,6 +44,9 @@ class OpenTick:
         """Participants, sorted. The list is replaced, not changed: ticks that were sent hold it."""
         self.joining: set[str] = set()
         """Processes that have answered and become participants with the next tick."""
+        self._sessions: list[str] = []
+        self._sessions_of: list[str] | None = None
+        """The sessions of these members, as they were at the last tick; None after a token has come or gone."""
         self.joined: list[str] = []
         """Those of them that the tick is the first one for."""
         self.answers: dict[str, Done] = {}
@@ -63,6 +71,7 @@ class OpenTick:
     def on_token(self, name: str, session: str, alive: bool) -> bool:
         """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
         self.holders.take(name, session, alive)
+        self._sessions_of = None
         if name not in self.holders:
             if name in self.members:
                 self.left.add(name)
@@ -117,7 +126,7 @@ class OpenTick:
         self.message = msgspec.structs.replace(self.message, inputs=inputs)
 
     def _begin(self, tick: Tick) -> Tick:
-        self.joined = []
+        self.joined = _NOBODY
         # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
         # present would depend on the order in which the processes came, and all are to hear GO in the same tick.
         if self._start is not Start.HELD or not self.absent:
@@ -126,8 +135,10 @@ class OpenTick:
                 present = {*self.members, *self.joining}
                 self.joined = sorted(present - self.out - {*self.members})
                 self.members, self.joining = sorted(present - self.out), present & self.out
-        sessions = sorted({session for name in self.members for session in self.holders.get(name, ())})
-        tick = msgspec.structs.replace(tick, sessions=sessions, inputs=[])
+        if self._sessions_of is not self.members:
+            self._sessions_of = self.members
+            self._sessions = sorted({session for name in self.members for session in self.holders.get(name, ())})
+        tick = msgspec.structs.replace(tick, sessions=self._sessions, inputs=_NOTHING)
         if (tick.epoch, tick.tick) != (self.message.epoch, self.message.tick):
             self.start_anew()
         self.message = tick

@@ -134,6 +134,8 @@ class Outside:
         opened several times, carries latched inputs alone, and each time all of them.
         """
         reads = [each.removesuffix(LATCHED) for each in joined]
+        if not (reads or is_first or self._waiting):
+            return [], []
         with self._lock:
             self._newest = {slot: each for slot, each in self._newest.items() if each.source not in self._inside}
             again = [each.input for each in self._newest.values() if is_first or (reads and each.is_read(reads))]
