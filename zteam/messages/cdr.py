@@ -172,7 +172,12 @@ def _writer(kind: Any) -> Callable[..., Any]:
         else:
             source.number("I", f"len({place})")
             source.end_run(*_PACK)
-            source.add(f"for e in {place}: p = {source.name('W', _writer(field.kind))}(e, parts, p)")
+            if field.kind is str:
+                source.add(
+                    f"p = {source.name('L', _Texts())}.write({source.name('W', _writer(str))}, {place}, parts, p)"
+                )
+            else:
+                source.add(f"for e in {place}: p = {source.name('W', _writer(field.kind))}(e, parts, p)")
     source.end_run(*_PACK)
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
@@ -245,11 +250,25 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
 
 
 class _Texts:
-    """Reads the texts of one field. Each tick of lock-step has the same: those of the last message are known."""
+    """Reads or writes the texts of one field. Each tick of lock-step has the same: those of the last message are known."""
 
     def __init__(self) -> None:
         self._known: tuple[bytes, int, int, list[str]] = b"", 0, 0, []
         """Bytes of the last texts, their place modulo 8, their number, and the texts."""
+
+    def write(self, write: Callable[..., Any], texts: list[str], parts: list[bytes], p: int) -> int:
+        """Append the texts from position `p` on; the position after them."""
+        known, place, _, before = self._known
+        if p & 7 != place or texts != before:
+            own: list[bytes] = []
+            for text in texts:
+                p = write(text, own, p)
+            known = b"".join(own)
+            self._known = known, (p - len(known)) & 7, len(texts), [*texts]
+        else:
+            p += len(known)
+        parts.append(known)
+        return p
 
     def read(self, read: Callable[..., Any], buf: bytes, p: int, end: int, count: int) -> tuple[list[str], int]:
         """`count` texts from position `p` on, and the position after them."""

@@ -15,7 +15,6 @@ from zteam import names
 from zteam.messages import Done, Input, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
 
-
 _NOTHING: list[Input] = []
 _NOBODY: list[str] = []
 """In ticks, which are not changed."""

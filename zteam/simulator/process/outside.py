@@ -67,6 +67,9 @@ class Outside:
         """A participant reads these key expressions (`Bus.reads`)."""
         for each in reads:
             key_expr, latched = each.removesuffix(LATCHED), each.endswith(LATCHED)
+            if key_expr == names.TF:
+                # The aggregator's alone: each bundle would wake the simulator.
+                continue
             with self._lock:
                 if names.is_wildcard(key_expr) and key_expr not in self._reads:
                     self._wildcards.append(key_expr)
