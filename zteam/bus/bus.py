@@ -325,7 +325,7 @@ class Bus:
     ) -> Closeable:
         """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it.
 
-        Unless `screened`, whatever comes counts (`Receiver.screen`), and it is none of what the process `reads`.
+        Unless `screened`, whatever comes counts (`Receiver.sessions`), and it is none of what the process `reads`.
         """
         check_message_type(key_expr, message_type)
         handler = self.counters.messages(

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import NamedTuple, TypeVar
 
 import msgspec
@@ -69,9 +69,11 @@ class Receiver:
         self._lock = threading.RLock()
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
-        self.screen: Callable[[RawSample, SampleHandler, bool], bool] | None = None
-        """Whether a sample of a subscription, latched or not, is handled now. If not, what has set this may give it to
-        the handler later."""
+        self.sessions: Set[str] | None = None
+        """The sessions whose samples are handled as they come; None: those of all. Others' go to `keep`."""
+        self.keep: Callable[[RawSample, SampleHandler, bool], bool] = lambda *_: True
+        """Keeps a sample of a subscription, latched or not, to give it to the handler later; False: it is handled now
+        all the same."""
 
     def of(self, key: str) -> KeyCount:
         """The key's count. A receiver adds to it without the lock, which is slow: nothing interrupts an addition."""
@@ -140,7 +142,7 @@ class Receiver:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
         With `latched`, not for one that another of its key hides (`Sent`). A sample with which `problem` finds one is
-        dropped. Unless `screened`, `screen` is not asked.
+        dropped. Unless `screened`, it may come from any session.
         """
         due = encoding_of(message_type)
         newest: dict[str, Sent] = {}
@@ -151,7 +153,14 @@ class Receiver:
         def handle(sample: RawSample) -> None:
             key, content = sample.key, sample.content
             try:
-                if screened and (screen := self.screen) is not None and not screen(sample, handle, latched):
+                # Written out: this comes with every message.
+                sessions = self.sessions
+                if (
+                    sessions is not None
+                    and screened
+                    and sample.source not in sessions
+                    and self.keep(sample, handle, latched)
+                ):
                     return
                 if latched and key in newest and newest[key].hides(sample.sent(monotonic())):
                     return
@@ -187,7 +196,8 @@ class Receiver:
         """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
-            if (screen := self.screen) is not None and not screen(sample, handle, latched):
+            sessions = self.sessions
+            if sessions is not None and sample.source not in sessions and self.keep(sample, handle, latched):
                 return
             # A message without bytes is a small one.
             if type(sample.content) is bytes and (problem := size_problem(sample.content)):

@@ -107,8 +107,11 @@ class ZenohSample(RawSample):
         return 0 if stamp is None else int(str(stamp.get_time_as_ntp64()))
 
     def _session(self) -> str:
-        stamp = self.sample.timestamp
-        return "" if stamp is None else str(stamp.get_id())
+        try:
+            return str(self.sample.timestamp.get_id())
+        except AttributeError:
+            # It has no time stamp.
+            return ""
 
     def _measure_delay(self) -> float:
         time = self._time()

@@ -250,7 +250,7 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
 
 
 class _Texts:
-    """Reads or writes the texts of one field. Each tick of lock-step has the same: those of the last message are known."""
+    """Reads and writes the texts of one field. Each tick of lock-step has the same: those of the last one are known."""
 
     def __init__(self) -> None:
         self._known: tuple[bytes, int, int, list[str]] = b"", 0, 0, []

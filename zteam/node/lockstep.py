@@ -168,8 +168,7 @@ class Participant:
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
         self.ticks = Ticks(node, self._on_tick, self._forget)
-        self.screen = Screen(node.lock, self.ticks.simulators)
-        node.bus.counters.screen = self.screen.admits
+        self.screen = Screen(node.bus.counters, node.lock, self.ticks.simulators)
         node.follow_clock()
         self.ticks.listen()
 

@@ -10,6 +10,7 @@ from itertools import count
 from threading import RLock
 from typing import Any
 
+from zteam.bus.receiving import Receiver
 from zteam.bus.transport import RawSample, SampleHandler
 
 FROM_TICK = "tick"
@@ -19,13 +20,11 @@ _MOST, _MOST_BYTES, _MOST_LATCHED_BYTES = 1000, 1 << 20, 16 << 20
 
 
 class Screen:
-    """Admits messages, or keeps them. `admits` is called on the bus's threads, all else under `lock`."""
+    """Decides what a bus handles as it comes. `_keep` is called on the bus's threads, all else under `lock`."""
 
-    def __init__(self, lock: RLock, simulators: Set[str]) -> None:
+    def __init__(self, received: Receiver, lock: RLock, simulators: Set[str]) -> None:
         """`simulators` are the sessions of those in lock-step."""
-        self._lock, self._simulators = lock, simulators
-        self.sessions: frozenset[str] | None = None
-        """Whose messages count; None where all do."""
+        self._received, self._lock, self._simulators = received, lock, simulators
         self._opened: tuple[Sequence[str], int] | None = None
         """The sessions of the newest tick, and the number of simulators."""
         self._waiting = _Kept(_MOST_BYTES)
@@ -33,21 +32,24 @@ class Screen:
         self._latched = _Kept(_MOST_LATCHED_BYTES)
         """The newest by handler, key and session."""
         self._numbers = count()
+        received.keep = self._keep
 
-    def admits(self, sample: RawSample, handler: SampleHandler, latched: bool) -> bool:
-        """Whether a message is handled now."""
-        sessions = self.sessions
-        if sessions is None or sample.source in sessions:
-            return True
+    @property
+    def sessions(self) -> Set[str] | None:
+        """Whose messages count; None where all do."""
+        return self._received.sessions
+
+    def _keep(self, sample: RawSample, handler: SampleHandler, latched: bool) -> bool:
         with self._lock:
-            if self.sessions is not sessions:
+            sessions = self._received.sessions
+            if sessions is None or sample.source in sessions:
                 # A tick has come meanwhile.
-                return self.admits(sample, handler, latched)
+                return False
             if latched:
                 self._latched.keep((handler, sample.key, sample.source), handler, sample)
             else:
                 self._waiting.keep(next(self._numbers), handler, sample)
-        return False
+        return True
 
     def open(self, sessions: Sequence[str] | None) -> list[str]:
         """A tick lists these sessions; hand what has waited for one of them to its handler. None: it lists none.
@@ -59,7 +61,7 @@ class Screen:
             return []
         if (sessions, len(self._simulators)) != self._opened:
             self._opened = sessions, len(self._simulators)
-            self.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
+            self._received.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
         if not (self._waiting or self._latched):
             return []
         now = self.sessions
@@ -72,7 +74,7 @@ class Screen:
 
     def forget(self) -> None:
         """There are no ticks any more: all messages count."""
-        self.sessions = self._opened = None
+        self._received.sessions = self._opened = None
         for handler, sample in [*self._latched.take(), *self._waiting.take()]:
             handler(sample)
 
