@@ -1,4 +1,4 @@
-"""A plain Zenoh client for the tests of teams."""
+"""A plain Zenoh client for the tests of teams, and a second team."""
 
 from collections.abc import Iterator
 
@@ -18,3 +18,11 @@ def outsider(team: TeamFixture) -> Iterator[zenoh.Session]:
     session = zenoh.open(config)
     yield session
     session.close()  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture
+def same_team() -> Iterator[TeamFixture]:
+    """Another team, such as the same one in this process."""
+    team = TeamFixture()
+    yield team
+    team.close()

@@ -4,7 +4,6 @@ import os
 import runpy
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -112,14 +111,6 @@ class Obedient(Behavior):
         turn += 0.2 * here[0].y if here else 0.0
         return Twist(Vector3(0.1 * age + 0.03 * len(leaders) + 0.02 * len(view.team)), Vector3(z=turn))
 """
-
-
-@pytest.fixture
-def same_team() -> Iterator[TeamFixture]:
-    """The team in this process."""
-    team = TeamFixture()
-    yield team
-    team.close()
 
 
 def send(team: TeamFixture, key: str, message: Message) -> None:

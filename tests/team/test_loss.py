@@ -1,7 +1,6 @@
 """Robots of a chain whose processes are killed and come back, and leaders that drive into their own chain."""
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise, permutations
 from pathlib import Path
 
@@ -81,14 +80,6 @@ def assert_is_line(team: TeamFixture, count: int, off: float) -> None:
     order = sorted(range(count), key=lambda robot: -team.robot(robot).pose.x)
     assert order[0] == 0
     assert gaps(team, *order) == pytest.approx([GAP] * (count - 1), abs=off)
-
-
-@pytest.fixture
-def same_team() -> Iterator[TeamFixture]:
-    """Another team in this process."""
-    team = TeamFixture()
-    yield team
-    team.close()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """`zteam-nav` in a team: goals reached, replaced, cancelled and refused; the same run in one process."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +27,6 @@ odom_alphas = [0.1, 0.1, 0.1, 0.1]
 ids = "0-1"
 navigation = true
 """
-
-
-@pytest.fixture
-def same_team() -> Iterator[TeamFixture]:
-    """The team in this process."""
-    team = TeamFixture()
-    yield team
-    team.close()
 
 
 def write(folder: Path, text: str) -> Path:
