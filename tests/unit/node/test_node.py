@@ -358,6 +358,29 @@ def test_what_a_callback_raises_ends_it(
     assert steps == [tick * TICK for tick in range(1, last)]
 
 
+def test_what_a_step_waits_for_comes_from_within(hub: MemoryHub, make: Make, new_harness: HarnessFactory) -> None:
+    """A node that waits in each tick for a process that takes no part would wait for ever: it ends, and names the
+    key."""
+    node, key = make(), names.robot_key(0, names.ODOM)
+    odoms = hub.bus().publisher(key, Odometry)
+    node.subscribe(key, Odometry, lambda *_: None, every_tick=True)
+    world = new_harness("planner")
+
+    def script() -> Iterator[None]:
+        world.open(1, 0)
+        world.begin()
+        odoms.put(Odometry(Header(time_from_ns(TICK))))
+        # When the tick has come again.
+        wait_until_true(lambda: not node.can_publish)
+        yield
+        raise AssertionError("it goes on")
+
+    with pytest.raises(UsageError, match=r"planner waits for robot_0/odom in every tick, which comes from a process"):
+        play(node, lambda now: None, script())
+    node.close()
+    assert world.end()
+
+
 @pytest.mark.parametrize("source", ["token", "reset"])
 def test_what_other_callbacks_raise_ends_it(hub: MemoryHub, make: Make, source: str) -> None:
     """Those for tokens and for resets of time too."""

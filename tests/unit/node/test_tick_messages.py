@@ -1,5 +1,6 @@
 """When a message counts in lock-step."""
 
+from collections.abc import Set
 from random import Random
 
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Message, Point, Pose, PoseStamped, Twist, time_from_ns
 from zteam.node import tick_messages
+from zteam.node.screen import FROM_TICK
 from zteam.node.tick_messages import MAX_AHEAD, HeldMessage, TickMessages, tick_of
 
 SCAN = "robot_0/base_scan"
@@ -87,18 +89,47 @@ class Waiting:
         data: bool = False,
         newest_only: bool = False,
         told: str = "",
+        latched: bool = False,
     ) -> str:
         """A message comes; why it is dropped."""
         handle = lambda *content: self.handled.append((told or key, content[2]))  # noqa: E731
-        arrival = HeldMessage(1, key, pose(stamp), source, data, due, handle, newest_only)
+        arrival = HeldMessage(1, key, pose(stamp), source, data, due, handle, newest_only, latched)
         return self.messages.take(arrival, self._open, is_open=True)
 
-    def next(self) -> list[str]:
-        """What is handled in the next tick."""
+    def next(self, sessions: Set[str] | None = None) -> list[str]:
+        """What is handled in the next tick, which lists these sessions."""
         self.handled.clear()
         self._open += TICK
-        self.messages.handle_due(self._open)
+        self.messages.handle_due(self._open, sessions)
         return [told for told, _ in self.handled]
+
+
+def test_of_a_process_that_has_left_nothing_counts() -> None:
+    """Not even what it sent before it left in that tick. What the simulator sends counts."""
+    waiting = Waiting()
+    for source in "ab":
+        waiting.take("goal", source=source, told=source)
+    waiting.take(SCAN, 3 * TICK, 3 * TICK, source="sim", data=True)
+    assert waiting.next({"b", "sim"}) == ["b", SCAN]
+
+
+def test_what_a_tick_carries_is_of_the_tick_before() -> None:
+    """Whatever its stamp says, and whatever data has come already."""
+    waiting = Waiting()
+    waiting.messages.hear(3 * TICK, 2 * TICK)
+    for stamp in (0, TICK, 9 * TICK):
+        waiting.take("goal", stamp, source=FROM_TICK)
+    assert waiting.next() == ["goal"] * 3
+
+
+def test_before_the_first_tick_latched_messages_count() -> None:
+    """And what the simulator has sent for that tick."""
+    waiting = Waiting()
+    waiting.take("goal")
+    waiting.take("map", latched=True)
+    waiting.take(SCAN, 3 * TICK, 3 * TICK, source="sim", data=True)
+    waiting.messages.forget_others()
+    assert waiting.next() == ["map", SCAN]
 
 
 @pytest.mark.parametrize("sources", ["ab", "ba"])
