@@ -33,6 +33,7 @@ from zteam.bus.transport import (
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
+from zteam.messages.topics import is_own
 from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
 
 M = TypeVar("M", bound=Message)
@@ -107,6 +108,12 @@ def _read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) 
     if bad and not good:
         raise error("; ".join(map(": ".join, bad)), "; ".join(why for _, why in bad))
     return sorted(good, key=lambda pair: pair[0])
+
+
+def _is_screened(key_expr: str) -> bool:
+    """Whether it is asked which session has sent what comes. Raises BusError for what is no key expression."""
+    check_use("subscribe to", key_expr, False)
+    return not is_own(key_expr)
 
 
 def _command() -> str:
@@ -268,7 +275,7 @@ class Bus:
         screened: bool = True,
         from_others: bool = False,
     ) -> Closeable:
-        check_use("subscribe to", key_expr, False)
+        screened = screened and _is_screened(key_expr)
         # What the simulator takes for others is theirs: it is no reader for people.
         forget, place = (lambda: None) if from_others else self._list(key_expr, False), object()
         if screened:
@@ -310,7 +317,8 @@ class Bus:
         not.
         """
         check_message_type(key_expr, message_type)
-        handler = self.counters.messages(message_type, callback, latched=latched, problem=problem)
+        screened = _is_screened(key_expr)
+        handler = self.counters.messages(message_type, callback, latched=latched, problem=problem, screened=screened)
         return self._subscribe(key_expr, handler, latched)
 
     def subscribe_from(
@@ -325,9 +333,11 @@ class Bus:
     ) -> Closeable:
         """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it.
 
-        Unless `screened`, whatever comes counts (`Receiver.sessions`), and it is none of what the process `reads`.
+        Unless `screened`, whatever comes counts (`Receiver.sessions`), and it is none of what the process `reads`. So
+        it is with keys of which lock-step's own processes are the writers (`is_own`): to ask for the sender takes time.
         """
         check_message_type(key_expr, message_type)
+        screened = screened and _is_screened(key_expr)
         handler = self.counters.messages(
             message_type, callback, latched=latched, with_source=True, problem=problem, screened=screened
         )

@@ -67,6 +67,13 @@ def is_sensed(key: str) -> bool:
     return target is not None and _sensor(target[1]) is not None
 
 
+def is_own(key_expr: str) -> bool:
+    """Whether in lock-step the simulator or the aggregator alone writes a key, or that topic of every robot, in each
+    tick: what a sensor measures, and the tree of transforms."""
+    single = names.keys_in(key_expr, [0])[:1]
+    return key_expr == names.TF or any(map(is_sensed, single))
+
+
 @lru_cache(maxsize=1024)
 def has_one_writer(key: str) -> bool:
     """Whether one process at a time publishes a key of a robot: its sensors, its base, and each source of its velocity.

@@ -26,6 +26,7 @@ from zteam.messages import (
     Header,
     Message,
     Odometry,
+    PoseStamped,
     RobotStatus,
     TFMessage,
     Twist,
@@ -332,7 +333,7 @@ def test_what_a_callback_raises_ends_it(
             raise ValueError("out of plans")
 
     node, steps, last = make(), list[int](), 2 if every_tick else 3
-    key = names.robot_key(0, names.ODOM)
+    key = names.robot_key(0, names.ODOM) if every_tick else "camera/odom"
     base = hub.bus()
     odoms = base.publisher(key, Odometry)
     node.subscribe(key, Odometry, fail, every_tick=every_tick)
@@ -361,21 +362,21 @@ def test_what_a_callback_raises_ends_it(
 def test_what_a_step_waits_for_comes_from_within(hub: MemoryHub, make: Make, new_harness: HarnessFactory) -> None:
     """A node that waits in each tick for a process that takes no part would wait for ever: it ends, and names the
     key."""
-    node, key = make(), names.robot_key(0, names.ODOM)
-    odoms = hub.bus().publisher(key, Odometry)
-    node.subscribe(key, Odometry, lambda *_: None, every_tick=True)
+    node, key = make(), "camera/pose"
+    poses = hub.bus().publisher(key, PoseStamped)
+    node.subscribe(key, PoseStamped, lambda *_: None, every_tick=True)
     world = new_harness("planner")
 
     def script() -> Iterator[None]:
         world.open(1, 0)
         world.begin()
-        odoms.put(Odometry(Header(time_from_ns(TICK))))
+        poses.put(PoseStamped(Header(time_from_ns(TICK))))
         # When the tick has come again.
         wait_until_true(lambda: not node.can_publish)
         yield
         raise AssertionError("it goes on")
 
-    with pytest.raises(UsageError, match=r"planner waits for robot_0/odom in every tick, which comes from a process"):
+    with pytest.raises(UsageError, match=r"planner waits for camera/pose in every tick, which comes from a process"):
         play(node, lambda now: None, script())
     node.close()
     assert world.end()

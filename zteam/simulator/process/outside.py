@@ -19,6 +19,7 @@ from zteam.bus.bus import LATCHED
 from zteam.bus.transport import RawSample, matches
 from zteam.messages import Input
 from zteam.messages.message import CDR
+from zteam.messages.topics import is_own
 
 MAX_BYTES = 1 << 20
 """Of the inputs of a tick; the rest follows in the next ones. A larger one is refused."""
@@ -67,8 +68,8 @@ class Outside:
         """A participant reads these key expressions (`Bus.reads`)."""
         for each in reads:
             key_expr, latched = each.removesuffix(LATCHED), each.endswith(LATCHED)
-            if key_expr == names.TF:
-                # The aggregator's alone: each bundle would wake the simulator.
+            if is_own(key_expr):
+                # Each message would wake the simulator.
                 continue
             with self._lock:
                 if names.is_wildcard(key_expr) and key_expr not in self._reads:
