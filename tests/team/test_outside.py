@@ -31,16 +31,17 @@ def main(node: Node) -> None:
 WITNESSES = ("ann", "bob", "cid")
 
 
+def received(team: TeamFixture, key: str) -> int:
+    """How many inputs with this key the simulator has."""
+    counts = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
+    return counts.get(key, KeyCount()).received
+
+
 def send(team: TeamFixture, key: str, message: Message) -> None:
     """Publish a message from outside; the simulator has it when this returns."""
-
-    def received() -> int:
-        counts = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
-        return counts.get(key, KeyCount()).received
-
-    before = received()
+    before = received(team, key)
     team.bus.publisher(key, type(message)).put(message)
-    team.wait_for(lambda: received() > before)
+    team.wait_for(lambda: received(team, key) > before)
 
 
 def start(team: TeamFixture, folder: Path, *, in_process: bool) -> None:
@@ -74,6 +75,7 @@ def test_a_run_with_a_world_outside_repeats(team: TeamFixture, same_team: TeamFi
             send(each, "robot_0/cmd_vel_teleop", Twist(Vector3(0.1), Vector3(z=0.5 + number)))
         each.run(1.0)
         assert ParametersClient(each.bus).set("robot_1", {"speed": 0.3})["speed"] == 0.3
+        each.wait_for(lambda each=each: received(each, "robot_1/set_parameters") == 1)  # type: ignore[misc]
         each.run(1.0)
         each.stop(robots=[1])
         each.run(0.5)
