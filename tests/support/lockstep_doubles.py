@@ -15,7 +15,7 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
 from zteam.bus.transport import Closeable, Handle, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
-from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
+from zteam.messages import Clock, Done, Input, TeamState, TeamStatus, Tick, Twist, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import LockStepOptions
 from zteam.node.shutdown import Stop
@@ -277,10 +277,12 @@ class ScriptedSimulator:
         """Lose the presence token."""
         self._token.close()
 
-    def tick(self, tick: int, *participants: str, epoch: int = 1, robots: tuple[int, ...] = ()) -> None:
+    def tick(
+        self, tick: int, *participants: str, epoch: int = 1, robots: tuple[int, ...] = (), inputs: Sequence[Input] = ()
+    ) -> None:
         """Publish a tick."""
-        stamp = time_from_ns(tick * INTERVAL)
-        self._ticks.put(Tick(stamp, epoch, tick, np.array(robots, np.int32), list(participants)))
+        stamp, ids = time_from_ns(tick * INTERVAL), np.array(robots, np.int32)
+        self._ticks.put(Tick(stamp, epoch, tick, ids, list(participants), inputs=list(inputs)))
 
     def tell(self, stamp: int) -> None:
         """Publish the clock."""

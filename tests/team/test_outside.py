@@ -20,6 +20,7 @@ def main(node: Node) -> None:
     heard = []
     node.subscribe("chat", String, lambda key, message: heard.append(message.data))
     node.subscribe("motto", String, lambda key, message: heard.append(message.data), latched=True)
+    node.subscribe("robot_1/*/*", String, lambda key, message: heard.append(message.data))
 
     def step(now: int) -> None:
         with open(f"{node.name}.txt", "a") as file:
@@ -138,3 +139,13 @@ def test_a_goal_in_a_paused_world_acts_in_the_next_step(team: TeamFixture) -> No
     team.wait_for(
         lambda: team.robot(0).status is not None and team.robot(0).status.goal_state == NavigationState.DRIVING
     )
+
+
+def test_a_message_is_no_request(team: TeamFixture, empty_folder: Path) -> None:
+    """A message on the key of a query stops no robot: it reaches who reads the key, as any other."""
+    start(team, empty_folder, in_process=False)
+    send(team, "robot_1/stop/engage", String("a message"))
+    before = team.robot(1).pose
+    team.run(2.0)
+    assert abs(team.robot(1).pose.x - before.x) + abs(team.robot(1).pose.y - before.y) > 0.3
+    assert [line for line in take_logs(empty_folder)[0] if "a message" in line]

@@ -169,8 +169,10 @@ class Input(Message):
     """Lock-step: what came from outside on `key`, such as a message of `type`, for all participants in one tick.
 
     The simulator numbers them from 1 on. `data` is what was sent, byte for byte; `type` is the ROS name of a message's
-    type, and empty where its sender named none, and for a query, whose request is JSON.
+    type, empty where its sender named none, and `REQUEST` for a query's request, in JSON.
     """
+
+    REQUEST: ClassVar[str] = "request"
 
     number: uint64 = 0
     key: str = ""

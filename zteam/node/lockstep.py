@@ -193,7 +193,7 @@ class Participant:
 
     def hand_on(self, key: str, request: bytes) -> None:
         """Let the next tick carry a query's request, which changes this process then."""
-        self._asked.append(Input(next(self._asked_numbers), key, "", np.frombuffer(request, np.uint8)))
+        self._asked.append(Input(next(self._asked_numbers), key, Input.REQUEST, np.frombuffer(request, np.uint8)))
         if self.state is TickState.ANSWERED:
             # The world may stand still.
             self._done.put(msgspec.structs.replace(self._answer, inputs=[*self._asked]))
@@ -264,8 +264,10 @@ class Participant:
         for each in tick.inputs:
             if each.number <= self._number:
                 continue
-            data, change = each.data.tobytes(), self.changes.get(each.key)
-            if change is not None:
+            data = each.data.tobytes()
+            if each.type == Input.REQUEST:
+                if (change := self.changes.get(each.key)) is None:
+                    continue
                 mine = (asked for asked in self._asked if (asked.key, asked.data.tobytes()) == (each.key, data))
                 if (carried := next(mine, None)) is not None:
                     self._asked.remove(carried)

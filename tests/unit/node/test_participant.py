@@ -3,6 +3,7 @@ count, and what ends lock-step."""
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
 
 from support.limits import LIMIT
@@ -11,7 +12,7 @@ from support.log_capture import LogCapture, captured_log
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import ZteamError
-from zteam.messages import Bool, Done, Tick, Twist, Vector3, time_from_ns
+from zteam.messages import Bool, Done, Input, Tick, Twist, Vector3, time_from_ns
 from zteam.node.lockstep import Participant, TickState
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
@@ -117,6 +118,23 @@ def test_a_command_travels_with_the_answer(desk: Desk, script: ScriptedSimulator
     commands = [Done(epoch, 3, True, Twist(Vector3(0.1 * n))) for epoch, n in ((0, 3), (0, 3), (4, 4))]
     assert script.take() == [Done(0, 2), *commands]
     assert desk.acted == [2, 3, 3]
+
+
+def test_a_request_changes_a_process_and_a_message_does_not(desk: Desk, script: ScriptedSimulator) -> None:
+    """Also with the same key. A message reaches who subscribes to the key, and a request does not; one for another
+    process is passed over. What comes again, for one that joins, is not taken again."""
+    changed, heard = list[bytes](), list[bytes]()
+    desk.part.changes["planner/set/now"] = changed.append
+    desk.node.bus.subscribe_raw("planner/set/*", lambda sample: heard.append(sample.payload))
+    sent = [
+        ("planner/set/now", "", b"word"),
+        ("planner/set/now", Input.REQUEST, b"{}"),
+        ("planner/set/other", Input.REQUEST, b"[]"),
+    ]
+    inputs = [Input(n, key, kind, np.frombuffer(data, np.uint8)) for n, (key, kind, data) in enumerate(sent, 1)]
+    script.tick(2, NAME, inputs=inputs)
+    script.tick(3, NAME, inputs=inputs)
+    assert (changed, heard) == ([b"{}"], [b"word"])
 
 
 def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: ScriptedSimulator) -> None:

@@ -39,7 +39,7 @@ class _Waiting(NamedTuple):
 
     def is_read(self, reads: list[str]) -> bool:
         """Whether it is a request, which may be for any process, or one of these key expressions has its key."""
-        return not self.input.type or any(matches(each, self.input.key) for each in reads)
+        return self.input.type == Input.REQUEST or any(matches(each, self.input.key) for each in reads)
 
 
 class Outside:
@@ -94,11 +94,13 @@ class Outside:
                 takes = is_read and (key_expr, latched) == next(each for each in takers if matches(each[0], sample.key))
             if takes:
                 kind = sample.encoding.removeprefix(CDR) if sample.encoding.startswith(CDR) else ""
+                # A message is no request, whatever its sender names it.
+                kind = "" if kind == Input.REQUEST else kind
                 self.add(sample.key, sample.payload, kind, source=sample.source, slot=sample.key if latched else "")
 
         return receive
 
-    def add(self, key: str, data: bytes, kind: str = "", *, source: str = "", slot: str = "") -> None:
+    def add(self, key: str, data: bytes, kind: str = Input.REQUEST, *, source: str = "", slot: str = "") -> None:
         """Put a message or a request into the next tick. A process that joins later gets the newest one of a `slot`."""
         self._bus.counters.of(key).received += 1
         if len(data) > MAX_BYTES:

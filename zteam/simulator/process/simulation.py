@@ -10,7 +10,7 @@ from zteam.clock import NS_PER_S, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
 from zteam.errors import UsageError, log
 from zteam.geometry import Pose2
-from zteam.messages import Clock, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
+from zteam.messages import Clock, Input, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
 from zteam.node.stopping import STOPS
@@ -91,7 +91,7 @@ class Simulation:
         outside: dict[int, Twist] = {}
         for each in came:
             robot_id, topic = names.split_robot_key(each.key) or (-1, each.key)
-            if topic in STOPS:
+            if each.type == Input.REQUEST and topic in STOPS:
                 self.holds.hold(robot_id, STOPS[topic])
             elif topic == names.CMD_VEL:
                 if (command := self.commands.read(each)) is None:

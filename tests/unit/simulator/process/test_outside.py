@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from zteam.bus import Bus, MemoryHub
-from zteam.messages import String, encode
+from zteam.messages import Input, String, encode
 from zteam.simulator.process.outside import MAX_BYTES, Outside
 
 Take = Callable[..., list[tuple[int, str]]]
@@ -50,13 +50,17 @@ def test_what_is_read_is_carried_once(desk: Desk) -> None:
 
 
 def test_the_content_is_what_was_sent(desk: Desk) -> None:
-    """Byte for byte, with its type; that of a request is empty."""
+    """Byte for byte, with its type. Only what the simulator puts in itself is a request, whatever a sender names its
+    message."""
     desk.outside.read(["chat"])
     desk.say("chat", "hello")
+    for encoding in ("text/plain", "application/cdr;request"):
+        desk.stranger.transport.declare_publisher("chat", encoding, False).put(b"stop")
     desk.outside.add("sim/move", b"{}")
-    _, (chat, move) = desk.outside.take((), is_first=False)
+    _, (chat, plain, sly, move) = desk.outside.take((), is_first=False)
     assert (chat.type, chat.data.tobytes()) == (String.ros_type, encode(String("hello")))
-    assert (move.type, move.data.tobytes()) == ("", b"{}")
+    assert (plain.type, sly.type, sly.data.tobytes()) == ("", "", b"stop")
+    assert (move.type, move.data.tobytes()) == (Input.REQUEST, b"{}")
 
 
 def test_who_takes_part_is_not_outside(desk: Desk, hub: MemoryHub) -> None:
