@@ -261,13 +261,14 @@ class ScriptedSimulator:
         self.answers: list[Done] = []
         self._ticks = self.bus.publisher(names.TICK, Tick)
         self._clock = self.bus.publisher(names.CLOCK, Clock)
-        self.reads: list[str] = []
-        """What the participant has said last that it reads."""
+        self.reads, self.sent = list[str](), 0
+        """What the participant has said last that it reads, and how much it has sent in the tick."""
         self.bus.subscribe(names.done_key(name), Done, self._on_done)
 
     def _on_done(self, _key: str, done: Done) -> None:
         self.reads = done.reads or self.reads
-        self.answers.append(msgspec.structs.replace(done, reads=[]))
+        self.sent = done.sent
+        self.answers.append(msgspec.structs.replace(done, reads=[], sent=0))
 
     def appear(self) -> None:
         """Declare the presence token of a simulator in lock-step."""

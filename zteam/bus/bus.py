@@ -32,8 +32,8 @@ from zteam.bus.transport import (
 )
 from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import Message, encode, encoding_of
-from zteam.messages.message import check_message_type
-from zteam.messages.topics import is_own
+from zteam.messages.message import REGISTERED, check_message_type, definition_of
+from zteam.messages.topics import is_in_ticks, is_own
 from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
 
 M = TypeVar("M", bound=Message)
@@ -74,6 +74,8 @@ class SessionRequest(msgspec.Struct):
     """Asks a session which process it is, and whether it publishes on a key."""
 
     key: _Text = ""
+    type: _Text = ""
+    """The ROS name of a message type."""
 
 
 class SessionInfo(msgspec.Struct):
@@ -85,6 +87,8 @@ class SessionInfo(msgspec.Struct):
     pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
     publishes: bool = False
     """Whether it publishes on the key that it was asked for."""
+    definition: str = ""
+    """Of the type that it was asked for, as in `ros2msg` schemas; empty where it does not know that type."""
 
     def __str__(self) -> str:
         return f"{self.name} (process {self.pid} on {self.host})"
@@ -132,6 +136,12 @@ class _Reader(NamedTuple):
     handler: SampleHandler
 
 
+class SentCount:
+    """Of messages that were sent; each thread that publishes in ticks is the only one to do so."""
+
+    sent = 0
+
+
 class Publisher(Held[RawPublisher], Generic[M]):
     """Publishes messages of one type on one key, from its opening on."""
 
@@ -142,8 +152,9 @@ class Publisher(Held[RawPublisher], Generic[M]):
         latched: bool,
         declare: Callable[[], RawPublisher],
         forget: Callable[[], object],
+        count: "SentCount",
     ) -> None:
-        """`declare()` opens it on the transport; `forget()` is called when it is closed."""
+        """`declare()` opens it on the transport; `forget()` is called when it is closed; `count` is of its messages."""
 
         def open_raw() -> RawPublisher:
             raw = declare()
@@ -156,6 +167,7 @@ class Publisher(Held[RawPublisher], Generic[M]):
         self._key = key
         self._type = message_type
         self._latched = latched
+        self._count = count
         self._kept: bytes | M | None = None
         """The last message from before its opening."""
 
@@ -189,6 +201,7 @@ class Publisher(Held[RawPublisher], Generic[M]):
                 if self._handle is None:
                     self._kept = message
                     return
+        self._count.sent += 1
         self._handle.put(message)
 
     def close(self) -> None:
@@ -217,6 +230,8 @@ class Bus:
         self._lock = threading.Lock()
         self._declared: dict[object, Declaration] = {}
         self._readers: dict[object, _Reader] = {}
+        self.in_ticks, self._beside = SentCount(), SentCount()
+        """Of what belongs to ticks in lock-step (`is_in_ticks`), and of the rest."""
         self.reads_version = 0
         """Changes with what `reads` returns."""
         self.name = ""
@@ -262,7 +277,8 @@ class Bus:
             self._check_later(Use(key, PUBLISHES))
             return self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
 
-        publisher = Publisher(key, message_type, latched, declare, self._list(key, True))
+        count = self.in_ticks if is_in_ticks(key) else self._beside
+        publisher = Publisher(key, message_type, latched, declare, self._list(key, True), count)
         self.open(publisher)
         return publisher
 
@@ -351,14 +367,15 @@ class Bus:
         latched: bool = False,
         only: type[Message] | None = None,
         from_others: bool = False,
+        screened: bool = True,
     ) -> Closeable:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding.
 
-        With `only`, those of other types are dropped; with `from_others`, those of this session do not come.
+        With `only`, those of other types are dropped; with `from_others`, those of this session do not come. `screened`
+        is that of `subscribe_from`.
         """
-        return self._subscribe(
-            key_expr, self.counters.samples(callback, only, latched=latched), latched, from_others=from_others
-        )
+        handler = self.counters.samples(callback, only, latched=latched, screened=screened)
+        return self._subscribe(key_expr, handler, latched, screened=screened, from_others=from_others)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0
@@ -454,7 +471,9 @@ class Bus:
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
-        return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
+        name, kind = self.name or _command(), REGISTERED.get(request.type)
+        definition = "" if kind is None else definition_of(kind)
+        return SessionInfo(name[:255], socket.gethostname()[:255], os.getpid(), publishes, definition)
 
     def _own_declarations(self) -> list[Declaration]:
         found, rights = list(self._declared.values()), self._rights

@@ -191,12 +191,18 @@ class Receiver:
         return handle
 
     def samples(
-        self, callback: Callable[[RawSample], object], only: type[Message] | None = None, *, latched: bool = False
+        self,
+        callback: Callable[[RawSample], object],
+        only: type[Message] | None = None,
+        *,
+        latched: bool = False,
+        screened: bool = True,
     ) -> SampleHandler:
-        """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions."""
+        """Calls `callback(sample)` for samples of a permitted size and type, and logs its exceptions. Unless
+        `screened`, they may come from any session."""
 
         def handle(sample: RawSample) -> None:
-            sessions = self.sessions
+            sessions = self.sessions if screened else None
             if sessions is not None and sample.source not in sessions and self.keep(sample, handle, latched):
                 return
             # A message without bytes is a small one.

@@ -16,6 +16,7 @@ COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
     "view": ("zteam-view", "see the team in a browser, and drive it with the mouse"),
+    "record": ("zteam-record", "record a running team"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),
@@ -36,7 +37,9 @@ COMMANDS = {
     "bench": ("bench", "measure zteam on this machine"),
 }
 """Command -> (module in zteam.cli, or the command of a process; one line)."""
-PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "view", "router"))
+PROCESSES = tuple(
+    f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "record", "view", "router")
+)
 """The commands of the processes of a team."""
 
 
@@ -84,6 +87,7 @@ start_robot = partial(start_command, "zteam-robot")
 start_aggregator = partial(start_command, "zteam-tf")
 start_monitor = partial(start_command, "zteam-monitor")
 start_view = partial(start_command, "zteam-view")
+start_recorder = partial(start_command, "zteam-record")
 start_map_server = partial(start_command, "zteam-map")
 start_navigation = partial(start_command, "zteam-nav")
 start_router = partial(start_command, "zteam-router")

@@ -295,6 +295,26 @@ def _view_options(args: argparse.Namespace) -> process_options.ViewOptions:
     return msgspec.structs.replace(options, browser=options.browser and sys.stdout.isatty())
 
 
+def _add_recorder(parser: Parser) -> None:
+    """`zteam record`: record what comes over the bus until Ctrl+C (docs/recording.md)."""
+    text = "a key or key expression to record alone, such as 'robot_0/**' (default: all)"
+    parser.add_argument("keys", nargs="*", metavar="KEY", help=text)
+    parser.add_argument("-o", "--output", required=True, metavar="FILE.mcap", help="write this file")
+    add_options(parser, process_options.RecorderOptions)
+
+
+def _read_recorder(args: argparse.Namespace) -> Read:
+    from zteam.bus.transport import problem_of
+
+    file = Path(args.output)
+    for key in args.keys:
+        if problem := problem_of(key):
+            raise UsageError(problem)
+    process_options.check_new_file(file, force=args.force)
+    options = read_options(process_options.RecorderOptions, args, file=file, command="zteam record")
+    return names.RECORDER, lambda: options
+
+
 _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace], Read]]] = {
     "zteam-sim": (_add_simulator, _read_simulator),
     "zteam-robot": (_add_robot, _read_robot),
@@ -302,14 +322,19 @@ _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace],
     "zteam-map": (_add_map, lambda args: (names.MAP_SERVER, lambda: process_options.MapOptions(Path(args.map)))),
     "zteam-tf": (_add_aggregator, lambda args: (names.AGGREGATOR, partial(_aggregator_options, args))),
     "zteam-monitor": (_add_monitor, _read_monitor),
+    "zteam-record": (_add_recorder, _read_recorder),
     "zteam-view": (_add_view, lambda args: (names.VIEW, partial(_view_options, args))),
 }
 """What adds the options of each command, with its help as docstring, and what reads them. Raises UsageError."""
 
 
+_TITLES = {"zteam-view": "zteam view", "zteam-record": "zteam record"}
+"""What users type."""
+
+
 def build_parser(command: str) -> Parser:
     add, _ = _KINDS[command]
-    parser = Parser(prog="zteam view" if command == "zteam-view" else command, description=add.__doc__)
+    parser = Parser(prog=_TITLES.get(command, command), description=add.__doc__)
     add(parser)
     add_bus_options(parser)
     return parser

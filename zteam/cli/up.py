@@ -49,11 +49,13 @@ _SWITCHES = {
     "--bus": "open a team with --in-process to tools and other processes, at a router",
     "--view": "show the team in the browser (docs/view.md)",
     "--no-browser": "with --view: print the page's address only",
+    "--force": "with --record: replace the file if it exists",
     "--lockstep": "wait for every process in each tick: equal seeds give equal runs",
 }
 _WORDS = {
     "--world": ("FILE", "use this world file or shipped world (default: the team file's)"),
     "--report": ("FILE", "write the run's report as JSON; needs --for or --until"),
+    "--record": ("FILE.mcap", "record the run (docs/recording.md)"),
     "--listen": (
         "ENDPOINT",
         f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or if that is taken any port)",
@@ -65,12 +67,13 @@ _NEEDS = {
     "--expect": ("--lockstep",),
     "--report": ("--for", "--until"),
     "--bus": ("--in-process",),
+    "--force": ("--record",),
     "--no-browser": ("--view",),
     "--only": ("--connect",),
 }
 """By option: one of those that it needs."""
 _EXCLUDES = {
-    "--only": ("--in-process", "--secure", "--chaos", "--report"),
+    "--only": ("--in-process", "--secure", "--chaos", "--report", "--record"),
     "--listen": ("--in-process", "--connect"),
     "--secure": ("--in-process",),
 }
@@ -176,7 +179,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.team.file.reading import read_team_file, set_map_resolution
     from zteam.team.file.sources import parse_arguments
     from zteam.team.launch.check import check_team, refuse_nodes
-    from zteam.team.launch.plan import Pace, TeamLaunch
+    from zteam.team.launch.plan import Pace, TeamLaunch, with_recording
     from zteam.team.run.report import check_writable
 
     if args.report:
@@ -203,6 +206,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
         browser = not args.no_browser and sys.stdout.isatty()
         view = msgspec.structs.replace(ViewOptions.from_environment(), browser=browser, name=VIEW)
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
+    if args.record:
+        command = shlex.join(["zteam", *sys.argv[1:]])
+        launch = with_recording(launch, Path(args.record), command, force=args.force)
     if not args.chaos:
         return launch
     from zteam.team.chaos.means import describe

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from zteam.config.foreign_files import MAP_FILE, YAML_FILE, name_foreign
 from zteam.config.problems import KeyValueError, problems_of
-from zteam.config.resources import existing_file, load_yaml, read_yaml
+from zteam.config.resources import existing_file, load_yaml, note_read, read_yaml
 from zteam.errors import WorldError
 from zteam.geometry import FAR, Point2, Pose2
 
@@ -41,6 +41,8 @@ def read_channels(path: Path) -> NDArray[Any]:
     `_FORMATS`, or has too many pixels.
     """
     from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
+
+    note_read(path)
 
     try:
         with warnings.catch_warnings():

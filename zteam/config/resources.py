@@ -2,13 +2,16 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, NoReturn
 
 from zteam.config.foreign_files import name_foreign, refuse_head
 from zteam.errors import UsageError, did_you_mean
 
+_READ: ContextVar[set[Path] | None] = ContextVar("read", default=None)
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -74,9 +77,27 @@ def _refuse(path: Path, text: str, what: str, folder: Path, suffix: str) -> NoRe
     raise UsageError(f"{what} {text!r}: {why}, nor a shipped {what} ({', '.join(known)}){hint}")
 
 
+@contextmanager
+def files_read() -> Iterator[set[Path]]:
+    """The users' files that this thread reads within, as they are named."""
+    found = set[Path]()
+    token = _READ.set(found)
+    try:
+        yield found
+    finally:
+        _READ.reset(token)
+
+
+def note_read(path: Path) -> None:
+    """A user's file is read."""
+    if (found := _READ.get()) is not None:
+        found.add(path)
+
+
 def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
     """The bytes of a user's file. Raises `error` if it cannot be read, is larger than `most` bytes, or begins as a file
     of another program."""
+    note_read(path)
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)

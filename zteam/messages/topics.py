@@ -49,6 +49,7 @@ SENSORS: dict[str, type[messages.Message]] = {
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
 _LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
+_BESIDE = names.DONE, names.LOG
 _ONE_WRITER = frozenset({names.BASE_INFO, names.CMD_VEL, names.CMD_VEL_NAV, names.CMD_VEL_TELEOP})
 
 
@@ -72,6 +73,15 @@ def is_own(key_expr: str) -> bool:
     tick: what a sensor measures, and the tree of transforms."""
     single = names.keys_in(key_expr, [0])[:1]
     return key_expr == names.TF or any(map(is_sensed, single))
+
+
+def is_in_ticks(key: str) -> bool:
+    """Whether in lock-step what participants publish on a key belongs to their tick: all but ticks and answers, logs,
+    and statuses, which come by the host's time too."""
+    target = names.split_robot_key(key)
+    if target is not None:
+        return target[1] not in (names.STATUS, names.LOG, names.DONE)
+    return key not in (names.TICK, names.TEAM_STATUS) and not any(names.process_of(key, each) for each in _BESIDE)
 
 
 @lru_cache(maxsize=1024)

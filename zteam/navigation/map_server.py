@@ -8,25 +8,12 @@ from zteam.errors import log
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.maps import map_message
-from zteam.node.node import Node
-
-
-class _NoSteps:
-    """The timer of a process that does nothing in real time."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-
-    def wait(self, limit: float) -> None:
-        self._node.wait(lambda: False, limit)
-
-    def take(self) -> int | None:
-        return None
+from zteam.node.node import Node, NoSteps
 
 
 def run_map_server(node: Node, grid: GridMap, source: str) -> None:
     """Publish the map until the process is asked to stop; `source` is what the log calls it."""
-    node.adopt(lambda due: None, _NoSteps(node))
+    node.adopt(lambda due: None, NoSteps(node))
     publisher = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
     publisher.put(map_message(grid))
     node.become_present()

@@ -66,6 +66,8 @@ KINDS: tuple[Kind, ...] = (
     Kind("monitor", names.MONITOR, "zteam-monitor", 1, "zteam-monitor --team-size {robots}"),
     Kind("navigation", NAVIGATION, "zteam-nav", 0, in_lockstep=True, robot_id_of=names.navigated_robot_of),
     Kind("robots", ROBOT, "zteam-robot", 0, "zteam-robot --id 0", in_lockstep=True, robot_id_of=names.robot_id_of),
+    # It stops last, and then with the simulator: what the others publish at their end is recorded.
+    Kind("recorder", names.RECORDER, "zteam-record", 2, in_lockstep=True, optional=True),
     Kind("view", names.VIEW, "zteam-view", 0, optional=True, matches=names.is_view),
 )  # fmt: skip
 """In the order of starting."""

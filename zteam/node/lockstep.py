@@ -153,6 +153,10 @@ class Participant:
         self.repeat: Callable[[], None] = lambda: None
         """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
+        self._sent_before = 0
+        """What the process had sent before that (`Bus.in_ticks`)."""
+        self.is_early = False
+        """Whether what it publishes between an answer and the next tick belongs to that tick."""
         self._told_reads = -1
         """The version of what this process reads (`Bus.reads`) that it has told."""
         self._number = 0
@@ -183,10 +187,12 @@ class Participant:
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
         """Answer the tick whose step has begun, a robot with its command."""
+        sent = self._node.bus.in_ticks.sent - self._sent_before
         self._answer = Done(
-            tick.epoch, tick.tick, command is not None, command or _STAND, 0, self._news(), [*self._asked]
+            tick.epoch, tick.tick, command is not None, command or _STAND, sent, self._news(), [*self._asked]
         )
         (self._done.put_owned if command is None or self.gives_away else self._done.put)(self._answer)
+        self._sent_before = self._node.bus.in_ticks.sent
         self.state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
@@ -214,7 +220,7 @@ class Participant:
         if not self._node.can_publish:
             # Another process may hold the name: it is heard again as soon as the name is won.
             return
-        before, self.tick = self.tick, tick
+        before, self.tick, sent = self.tick, tick, self._node.bus.in_ticks.sent
         state, is_listed = self.state, self._node.name in tick.participants
         # No step begins before all that the tick brings is taken.
         self.state = TickState.UNLISTED
@@ -252,11 +258,18 @@ class Participant:
                 self.team = tuple(sorted(i for i in ids if i is not None))
         if is_new or was_open:
             self.state, self._heard = TickState.OPEN, monotonic()
+            if is_new and not self.is_early:
+                # What was published since the last answer belongs to no step.
+                self._sent_before = sent
             for key in () if is_new else refused:
                 self._on_refused(key)
         else:
             self.state = TickState.ANSWERED
+            count = self._node.bus.in_ticks
+            sent = count.sent
             self.repeat()
+            # First sendings alone are counted.
+            count.sent = sent
             self._done.put(self._answer)
 
     def _take_inputs(self, tick: Tick) -> None:

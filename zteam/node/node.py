@@ -137,6 +137,19 @@ class UserStep:
         return command
 
 
+class NoSteps:
+    """The timer of a process that takes part in lock-step and takes no steps in real time."""
+
+    def __init__(self, node: "Node") -> None:
+        self._node = node
+
+    def wait(self, limit: float) -> None:
+        self._node.wait(lambda: False, limit)
+
+    def take(self) -> int | None:
+        return None
+
+
 class Node(ProcessNode):
     """One process on the bus under a name of its own.
 

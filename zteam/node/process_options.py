@@ -149,6 +149,29 @@ class NodeOptions(msgspec.Struct, frozen=True):
     """As of RobotOptions."""
 
 
+class RecorderOptions(msgspec.Struct, frozen=True):
+    """A recorder."""
+
+    file: Path
+    """Absolute for a recorder that a launcher starts."""
+    keys: tuple[str, ...] = ()
+    """Key expressions to record alone; none: all."""
+    force: Annotated[bool, option("replace the file if it exists")] = False
+    seed: Seed = 1
+    command: str = ""
+    """What has started the run, for its readers."""
+    launch: dict[str, Any] | None = None
+    """The whole team, as `team.launch.recorded` reads it; None for a recorder that joins one."""
+
+
+def check_new_file(file: Path, *, force: bool) -> None:
+    """Raise UsageError where a recording cannot begin in this file: an older one is kept unless `force`."""
+    if file.exists() and not force:
+        raise UsageError(f"{file} exists: choose another file, or say --force to replace it")
+    if not file.absolute().parent.is_dir():
+        raise UsageError(f"{file}: there is no folder {file.parent}")
+
+
 ProcessOptions = (
     RouterOptions
     | SimOptions
@@ -159,6 +182,7 @@ ProcessOptions = (
     | NavigationOptions
     | ViewOptions
     | NodeOptions
+    | RecorderOptions
 )
 _TYPES = {kind.__name__: kind for kind in get_args(ProcessOptions)}
 

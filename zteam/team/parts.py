@@ -121,6 +121,15 @@ def _own_node(options: process_options.NodeOptions) -> Part:
     return Part(stepping(find_body(options.name, options.body)), Node)
 
 
+def _recorder(options: process_options.RecorderOptions) -> Part:
+    from zteam.node.node import Node
+    from zteam.record.process import run_recorder
+    from zteam.team.launch.recorded import contents_of
+
+    contents = contents_of(options)
+    return Part(lambda node: run_recorder(node, options, contents), Node)
+
+
 _MAKERS: dict[type, Callable[[Any], Part]] = {
     process_options.SimOptions: _simulator,
     process_options.MapOptions: _map_server,
@@ -130,6 +139,7 @@ _MAKERS: dict[type, Callable[[Any], Part]] = {
     process_options.NavigationOptions: _navigation,
     process_options.ViewOptions: _view,
     process_options.NodeOptions: _own_node,
+    process_options.RecorderOptions: _recorder,
 }
 
 

@@ -92,6 +92,8 @@ class LockStep:
         """The key expressions that a participant reads."""
         self._asked: dict[str, int] = {}
         """Number of the newest query that a participant has handed on, by its session."""
+        self._sent_before = 0
+        """What the simulator had published when it sent the tick before (`Bus.in_ticks`)."""
         self.resends = 0
         """How often a tick was sent again."""
         self._for_tokens = 0.0, 0
@@ -206,6 +208,9 @@ class LockStep:
     def send(self) -> None:
         """Send the tick that was opened."""
         with self._changed:
+            count = self._node.bus.in_ticks
+            self.tick.count_sent(count.sent - self._sent_before)
+            self._sent_before = count.sent
             self._send_again()
         self._patience = Patience(self._timeout, monotonic())
 

@@ -124,6 +124,10 @@ class OpenTick:
         """The open tick carries these inputs from outside."""
         self.message = msgspec.structs.replace(self.message, inputs=inputs)
 
+    def count_sent(self, sent: int) -> None:
+        """The simulator has published so many messages since it sent the tick before."""
+        self.message = msgspec.structs.replace(self.message, sent=sent)
+
     def _begin(self, tick: Tick) -> Tick:
         self.joined = _NOBODY
         # A held tick admits no process and carries no GO until all can: an answer that was given with half the team

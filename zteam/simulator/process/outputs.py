@@ -67,7 +67,7 @@ class TeamOutputs(dict[int, RobotOutputs]):
 
     def __init__(self, bus: Bus, engine: Engine, *, lockstep: bool = False) -> None:
         super().__init__()
-        self._bus, self._engine, self._lockstep = bus, engine, lockstep
+        self.bus, self._engine, self._lockstep = bus, engine, lockstep
 
     def match_robots(self) -> None:
         """Make publishers for new robots, and close those of robots that have left the world or are other ones now."""
@@ -76,7 +76,7 @@ class TeamOutputs(dict[int, RobotOutputs]):
             self.pop(robot_id).close()
         for robot_id, robot in robots.items():
             if robot_id not in self:
-                self[robot_id] = RobotOutputs(self._bus, robot_id, robot, lockstep=self._lockstep)
+                self[robot_id] = RobotOutputs(self.bus, robot_id, robot, lockstep=self._lockstep)
                 self.put_statics(robot_id)
 
     def put_statics(self, robot_id: int) -> None:

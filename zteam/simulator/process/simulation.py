@@ -222,8 +222,10 @@ class Simulation:
     def repeat(self, participants: Sequence[str] = ()) -> None:
         """Send the last tick's data again, for processes that have not received it. Of `participants` (lock-step) that
         are all robots, only the inputs: those of other processes are not known."""
-        observation, outputs = self._observation, self.outputs
+        observation, outputs, count = self._observation, self.outputs, self.outputs.bus.in_ticks
         assert observation is not None
+        # First sendings alone are counted.
+        sent = count.sent
         robots = {names.robot_id_of(name) for name in participants} or {None}
         present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
         for i in present:
@@ -232,6 +234,7 @@ class Simulation:
         self._put_scans(observation, present, again=True)
         for i in present if None in robots else ():
             outputs[i].put_rest(observation)
+        count.sent = sent
 
     def reset(self) -> None:
         """Put everything back to the start, where GO, if it was given, holds from the first tick on."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import msgspec
 
@@ -98,6 +98,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     """None: the team is started without one."""
     faults: tuple[Fault, ...] = ()
     """On purpose; of those, the simulator carries out in lock-step what it can."""
+    record: process_options.RecorderOptions | None = None
+    """None: the run is not recorded."""
 
     @property
     def seed(self) -> int:
@@ -125,6 +127,18 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     def has_end(self) -> bool:
         """Whether the run ends by itself."""
         return self.run_for is not None or self.until is not None
+
+
+def to_builtins(launch: TeamLaunch) -> dict[str, Any]:
+    """What a recording holds of a launch, for `from_builtins`: all but how it was looked at."""
+    alone = msgspec.structs.replace(launch, view=None, record=None)
+    made: dict[str, Any] = msgspec.to_builtins(alone, str_keys=True, enc_hook=str)
+    return made
+
+
+def from_builtins(made: Any) -> TeamLaunch:
+    """Raises msgspec.ValidationError."""
+    return msgspec.convert(made, TeamLaunch, str_keys=True, dec_hook=lambda kind, text: kind(text))
 
 
 def aggregator_options(team: Team, folder: Path) -> process_options.AggregatorOptions:
@@ -184,6 +198,8 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, process_options.Proc
         )
     if launch.view is not None:
         told[names.VIEW] = launch.view
+    if launch.record is not None:
+        told[names.RECORDER] = msgspec.structs.replace(launch.record, seed=launch.seed, launch=to_builtins(launch))
     return told
 
 
@@ -218,6 +234,10 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
         jobs[name] = Job(
             MEMBER, words=process_options.to_line(name, options), restarts=restarts.get(name, launch.restarts)
         )
+        if isinstance(options, process_options.RecorderOptions):
+            # Without it the team drives on.
+            jobs[name] = msgspec.structs.replace(jobs[name], restarts=False)
+            optional.add(name)
         if isinstance(options, process_options.ViewOptions):
             # A view takes no part in the run: it may end, and a new one changes nothing.
             learn = partial(_keep_page, name, options)
@@ -229,6 +249,13 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     }
     awaited = launch.participants if launch.pace.lockstep else ()
     return LaunchPlan({**jobs, **nodes}, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
+
+
+def with_recording(launch: TeamLaunch, file: Path, command: str, *, force: bool) -> TeamLaunch:
+    """The launch with a recorder. Raises UsageError where the file exists, unless `force`, or has no folder."""
+    process_options.check_new_file(file, force=force)
+    record = process_options.RecorderOptions(file.absolute(), force=force, command=command)
+    return msgspec.structs.replace(launch, record=record)
 
 
 def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> Job:

@@ -55,6 +55,8 @@ class Aggregator:
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
         self._part.repeat = self._repeat
+        # The simulator's transforms come before their tick, and so does the bundle of them.
+        self._part.is_early = True
         node.need(self._lacks)
         node.adopt(self.act, self)
         node.clock.on_jump_back(self._on_jump_back)

@@ -1,0 +1,189 @@
+"""The recorder's process: what comes over the bus goes into a file.
+
+In lock-step it takes part, so that the world does not leave it behind, and compares how many messages have come with
+how many were sent.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Mapping
+
+from zteam import names
+from zteam.bus.bus import SessionInfo, SessionRequest
+from zteam.bus.transport import RawSample, matches
+from zteam.clock import Every, monotonic, wait_until
+from zteam.config.numbers import counted
+from zteam.errors import ZteamError, log
+from zteam.messages.topics import is_measured
+from zteam.node.node import Due, Node, NoSteps
+from zteam.node.process_options import RecorderOptions
+from zteam.record.gathering import Gatherer
+from zteam.record.writing import Entry, RecordingWriter
+
+_PERIOD = 0.05
+"""Host seconds between two looks at what has come."""
+_FLUSH = 1.0
+"""Host seconds after which what was recorded outlives the recorder."""
+_MOST = 64 << 20
+"""Bytes that wait to be written. In lock-step the world waits then, otherwise they are lost."""
+_OBJECT = 1000
+"""Bytes that a message within this process is taken for."""
+_LIMIT = 10.0
+"""Host seconds that a tick waits for that."""
+_HISTORY = 2.0
+"""Host seconds for the last messages of latched publishers, where no tick says that they have come."""
+
+
+class Recorder:
+    """Bus threads bring messages; the main loop writes them."""
+
+    def __init__(self, node: Node, options: RecorderOptions, contents: Mapping[str, bytes]) -> None:
+        self._node, self._options = node, options
+        facts = {"command": options.command, "seed": str(options.seed), "keys": " ".join(options.keys)}
+        self.writer = RecordingWriter(options.file, facts, contents, force=options.force)
+        self._gatherer = Gatherer(node.part.ticks.simulators)
+        self._arrived: deque[RawSample] = deque()
+        self._bytes = 0
+        self._room = threading.Condition()
+        self._asked: dict[str, bool] = {}
+        """Types that are none of zteam's: whether their definition is known."""
+        self.lost = 0
+        self.first_data = 0.0
+        """Host time of the first message of a base; 0 before."""
+        self._latched: dict[tuple[str, str], RawSample] | None = {}
+        """The last messages of latched publishers, by key and session, until all are there."""
+        self._live: set[tuple[str, bytes]] = set()
+        """What has come meanwhile: the same may be in both."""
+        node.bus.subscribe_raw("**", self._receive, from_others=True, screened=False)
+        self._history = node.bus.subscribe_raw("**", self._keep, latched=True, from_others=True, screened=False)
+
+    def _receive(self, sample: RawSample) -> None:
+        with self._room:
+            if not self.first_data and is_measured(sample.key):
+                self.first_data = monotonic()
+            if self._bytes > _MOST and not self._node.part.expected:
+                self.lost += 1
+                return
+            self._bytes += len(sample.content) if isinstance(sample.content, bytes) else _OBJECT
+            self._arrived.append(sample)
+
+    def _keep(self, sample: RawSample) -> None:
+        if (latched := self._latched) is not None:
+            latched[sample.key, sample.source] = sample.apart()
+
+    def make_room(self) -> None:
+        """Wait until what has come is written, where that is too much."""
+        with self._room:
+            wait_until(self._room, lambda: self._bytes < _MOST or self._node.stopping, _LIMIT)
+
+    def end_history(self) -> None:
+        """All that was latched before is there."""
+        if self._latched is None:
+            return
+        self._history.close()
+        self.drain()
+        latched, self._latched = self._latched, None
+        for sample in latched.values():
+            if (sample.key, sample.payload) not in self._live:
+                self._put(self._gatherer.beside(sample), sample.source)
+        self._live.clear()
+
+    def drain(self) -> None:
+        """Write what has come, once it is known what time that is. Raises OSError."""
+        clock = self._node.clock
+        if not (clock.decided or self._node.stopping):
+            return
+        if not clock.simulated:
+            self._gatherer.time = clock.now()
+        while self._arrived:
+            sample = self._arrived.popleft()
+            if self._latched is not None:
+                self._live.add((sample.key, sample.payload))
+            for entry in self._gatherer.take(sample):
+                self._put(entry, sample.source)
+        with self._room:
+            self._bytes = 0
+            self._room.notify_all()
+
+    def _put(self, entry: Entry, session: str) -> None:
+        keys = self._options.keys
+        if keys and not any(matches(each, entry.key) for each in keys):
+            return
+        if self.writer.knows(entry.type) or self._learn(entry, session):
+            self.writer.put(entry)
+
+    def _learn(self, entry: Entry, session: str) -> bool:
+        """Ask the session that publishes a type of the user's own for its definition."""
+        if entry.type not in self._asked:
+            answers = []
+            if entry.type:
+                asked = names.session_info_key(session)
+                answers = self._node.bus.find(asked, SessionInfo, SessionRequest(type=entry.type))
+            found = next((info.definition for _, info in answers if info.definition), "")
+            if found:
+                self.writer.define(entry.type, found)
+            else:
+                what = f"its type {entry.type} is not known" if entry.type else "its messages name no type"
+                log.warning("%s is left out: %s", entry.key, what)
+            self._asked[entry.type] = bool(found)
+        return self._asked[entry.type]
+
+    def facts(self) -> dict[str, str]:
+        """What the recording says of itself at its end."""
+        gathered = self._gatherer
+        found = {
+            "ticks": str(gathered.ticks),
+            "is_whole": str(gathered.is_whole and not gathered.gaps),
+            "lost": str(self.lost),
+        }
+        if gathered.gaps:
+            found["gaps"] = "\n".join(gathered.gaps)
+        if gathered.stray:
+            found["stray"] = "\n".join(f"{name} {key}" for name, key in gathered.stray.items())
+        return found
+
+    def gap(self) -> str:
+        """The first message that has not come, in words; empty if all have."""
+        return self._gatherer.gaps[0] if self._gatherer.gaps else ""
+
+    @property
+    def stray(self) -> dict[str, str]:
+        return self._gatherer.stray
+
+
+def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, bytes]) -> None:
+    """Record until the process is asked to stop; `contents` are the attachments."""
+    recorder = Recorder(node, options, contents)
+
+    def act(_due: Due) -> None:
+        recorder.make_room()
+
+    node.adopt(act, NoSteps(node))
+    began, flush = Every(_HISTORY), Every(_FLUSH)
+    began.due()
+    flush.due()
+    node.become_present()
+    log.info("recording to %s", options.file)
+    try:
+        while not node.stopping:
+            node.wait(lambda: False, _PERIOD, by_inputs=False)
+            node.decide_clock(recorder.first_data)
+            if node.part.tick is not None or began.due():
+                recorder.end_history()
+            recorder.drain()
+            if flush.due():
+                recorder.writer.flush()
+        recorder.drain()
+        recorder.writer.finish(recorder.facts())
+    except OSError as error:
+        recorder.writer.abandon()
+        raise ZteamError(
+            f"{options.file}: {error.strerror}: the recording ends here; 'zteam recording recover' makes it whole"
+        ) from None
+    for name, key in recorder.stray.items():
+        log.warning("%s publishes %s outside of its steps: such a run does not repeat", name, key)
+    if recorder.lost:
+        log.warning("%s could not be written in time, and are lost", counted(recorder.lost, "message"))
+    if gap := recorder.gap():
+        raise ZteamError(f"{options.file} lacks messages, so it proves nothing: {gap}")
+    log.info("%s has %s", options.file, counted(recorder.writer.count, "message"))
