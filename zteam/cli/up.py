@@ -164,13 +164,13 @@ def _up(args: argparse.Namespace) -> int:
         bus = msgspec.structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
         become(launch, args.only, node_environment(bus))
     if args.in_process:
-        return _run(_launch(args), bus_options(args), args, None)
+        return run_launch(_launch(args), bus_options(args), args, None)
     from zteam.team.launch.warm_parent import WarmParent
 
     with closing(WarmParent()) as parent:
         # It imports while the team is checked.
         parent.prepare()
-        return _run(_launch(args), bus_options(args), args, parent)
+        return run_launch(_launch(args), bus_options(args), args, parent)
 
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
@@ -219,7 +219,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     return launch
 
 
-def _run(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, parent: "WarmParent | None") -> int:
+def run_launch(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, parent: "WarmParent | None") -> int:
     """Run the team as processes of `parent`, or without one in this process, with the same lines."""
     from zteam.cli.up_display import open_display
     from zteam.team.run.processes import Processes

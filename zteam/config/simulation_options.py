@@ -66,6 +66,8 @@ class LockStepOptions(msgspec.Struct, frozen=True):
         ),
     ] = LOCKSTEP_TIMEOUT
     gate: Annotated[bool, option("do not wait for the monitor's GO in lock-step; needs --lockstep")] = True
+    recorded: Path | None = None
+    """The ticks whose inputs are those of this run (`simulator.process.recorded`); nothing from outside counts then."""
 
 
 class SimOptions(msgspec.Struct, frozen=True):
@@ -98,6 +100,8 @@ class SimOptions(msgspec.Struct, frozen=True):
     ] = 1.0
     """None = as fast as possible."""
     paused: Annotated[bool, option("pause at the first tick ('zteam sim resume' continues)")] = False
+    pause_at: int | None = None
+    """Pause after this tick."""
     lockstep: LockStepOptions | None = None
     faults: tuple[Fault, ...] = ()
     """On purpose, in lock-step: those that the simulator can carry out."""

@@ -27,6 +27,8 @@ class _Stream:
 
     def __init__(self) -> None:
         self.pending: list[tuple[str, str, bytes]] = []
+        self.before: list[tuple[str, str, bytes]] = []
+        """What it had sent until that answer."""
         self.answered: tuple[int, int] | None = None
         """Epoch and tick of its last answer."""
 
@@ -112,15 +114,17 @@ class Gatherer:
     def _end(self, name: str, stream: _Stream, tick: Tick, sent: int | None, limit: int) -> Iterator[Entry]:
         """What a session has sent in a tick: `sent` messages, some of them more than once."""
         pending, stream.pending = stream.pending, []
+        if len(pending) != sent:
+            # What was sent again, because a participant lacked it, is no other message: in its tick, or after it, where
+            # its stamp shows that.
+            again = {each for each in stream.before if _stamp_of(*each[1:])}
+            pending = [each for each in dict.fromkeys(pending) if each not in again]
+        stream.before = pending
         if sent is not None and len(pending) != sent:
-            # What was sent again, because a participant lacked it, is no other message.
-            pending = list(dict.fromkeys(pending))
             if len(pending) < sent:
                 self.gaps.append(f"tick {tick.tick}: {len(pending)} of {sent} messages of {name} have come")
-            elif len(pending) > sent:
+            else:
                 self.stray.setdefault(name, pending[-1][0])
-        elif sent is None:
-            pending = list(dict.fromkeys(pending))
         stamp = ns_from_time(tick.stamp)
         for key, kind, data in pending:
             # The simulator sends what it has measured before the tick, or after it.

@@ -185,6 +185,10 @@ class Holds:
         if changed:
             self._on_change(robot_id, stopped)
 
+    def note(self, robot_id: int, stopped: bool) -> None:
+        """A query has stopped or released a robot in the run that is run again."""
+        self._stopped[robot_id] = stopped
+
     def hold(self, robot_id: int, stopped: bool) -> None:
         """Hold a robot's body, or let it go. Main loop, or in real time any thread."""
         (self._held.add if stopped else self._held.discard)(robot_id)

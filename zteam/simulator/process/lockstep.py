@@ -20,6 +20,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import CertainTokens
 from zteam.simulator.process.open_tick import OpenTick
 from zteam.simulator.process.outside import Outside
+from zteam.simulator.process.recorded import Recorded
 
 T = TypeVar("T")
 
@@ -87,7 +88,8 @@ class LockStep:
         self._changed = threading.Condition(self._lock)
         self.tick = OpenTick(options.expected, gate=options.gate)
         """Other threads `ask` it, but for lists that are replaced and not changed."""
-        self.outside = Outside(node.bus, self._on_latched)
+        recorded = options.recorded
+        self.outside = Outside(node.bus, self._on_latched) if recorded is None else Recorded(node.bus, recorded)
         self._reads: dict[str, list[str]] = {}
         """The key expressions that a participant reads."""
         self._asked: dict[str, int] = {}
@@ -200,7 +202,7 @@ class LockStep:
     def _carry(self) -> list[Input]:
         """Let the tick that was opened carry what has come from outside; what is new of that."""
         joined = [each for name in self.tick.joined for each in self._reads.get(name, ())]
-        again, new = self.outside.take(joined, is_first=self.tick.held)
+        again, new = self.outside.take(joined, self.tick.message.tick, is_first=self.tick.held)
         if again or new:
             self.tick.carry([*again, *new])
         return new

@@ -133,11 +133,15 @@ class Outside:
         with self._lock:
             self._inside -= {session}
 
-    def take(self, joined: Iterable[str], *, is_first: bool) -> tuple[list[Input], list[Input]]:
+    def coming(self, tick: int) -> list[Input]:
+        """What is to change the world before this tick is opened: nothing, as queries have changed it already."""
+        return []
+
+    def take(self, joined: Iterable[str], tick: int, *, is_first: bool) -> tuple[list[Input], list[Input]]:
         """The inputs of the tick that is opened: those that come again for its new participants, and the new ones.
 
-        `joined` are the key expressions that the new participants read. The first tick (`is_first`), which may be
-        opened several times, carries latched inputs alone, and each time all of them.
+        `tick` is its number, and `joined` are the key expressions that the new participants read. The first tick
+        (`is_first`), which may be opened several times, carries latched inputs alone, and each time all of them.
         """
         reads = [each.removesuffix(LATCHED) for each in joined]
         if not (reads or is_first or self._waiting):

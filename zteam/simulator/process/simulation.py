@@ -1,6 +1,8 @@
 """A world on the bus: what a tick does, what counts, and the changes that are asked for."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import msgspec
 
@@ -53,6 +55,13 @@ class Simulation:
         self.holds = Holds(node.bus, self._stop)
         # As soon as this process answers to its name; what it asks comes after that, and before the first tick.
         node.on_present(self.holds.learn)
+        self._changes: dict[str, tuple[Any, Callable[[Any], object]]] = {
+            _change_key("spawn"): (client.SpawnRequest, self.spawn),
+            _change_key("remove"): (client.RemoveRequest, lambda request: self.remove(request.id)),
+            _change_key("move"): (client.MoveRequest, self.move),
+            _change_key("fault"): (client.FaultRequest, self.add_fault),
+        }
+        """What a request changes that a tick has carried, by its key."""
         self._clock = node.bus.publisher(names.CLOCK, Clock)
         self._observation: Observation | None = None
         self._opened: tuple[list[int], list[str]] = [], []
@@ -87,6 +96,8 @@ class Simulation:
             return {}
         now, robots = engine.now + self.world.interval, list(self.outputs)
         out = self.faults.absent(None if self._go is None else now - self._go)
+        for each in lockstep.outside.coming(engine.tick + 1):
+            self._change_again(each)
         came = lockstep.open(now, engine.tick + 1, robots, out)
         outside: dict[int, Twist] = {}
         for each in came:
@@ -106,6 +117,17 @@ class Simulation:
         self._is_early = engine.tick == 0 or bool(tick.inputs) or opened != self._opened
         return outside
 
+    def _change_again(self, recorded: Input) -> None:
+        """A run is run again: change the world as a query has changed it before this tick."""
+        robot_id, topic = names.split_robot_key(recorded.key) or (-1, recorded.key)
+        if recorded.type != Input.REQUEST:
+            return
+        if topic in STOPS:
+            self.holds.note(robot_id, STOPS[topic])
+        elif topic in self._changes:
+            request_type, change = self._changes[topic]
+            change(msgspec.json.decode(recorded.data.tobytes(), type=request_type))
+
     def _stop(self, robot_id: int, stopped: bool) -> None:
         """A query stops or releases a robot: in lock-step with the next tick, for its process too."""
         if self.lockstep is None:
@@ -120,7 +142,7 @@ class Simulation:
         if self.lockstep is None:
             self.statistics.add_external_command()
         else:
-            self.lockstep.outside.add(names.service_key(names.SIMULATOR, service), msgspec.json.encode(request))
+            self.lockstep.outside.add(_change_key(service), msgspec.json.encode(request))
 
     def send_rest(self) -> None:
         """Send the clock, which wakes every process, and what no robot's next command depends on."""
@@ -205,6 +227,9 @@ class Simulation:
             self.statistics.add_tick(ids, poses, stalled, scans)
             if not end and run_for is not None and engine.now - self._go >= run_for * NS_PER_S:
                 end = f"{counted(run_for, 'simulated second')} after GO"
+        if engine.tick == self._options.pause_at and not self.pacer.paused:
+            self.pacer.pause()
+            log.info("paused at tick %d: 'zteam sim resume' goes on", engine.tick)
         if end and not self.boundary.finished:
             self.boundary.finish()
             trajectory = "" if self.lockstep is None else f"; trajectory {self.statistics.trajectory_sha256}"
@@ -342,6 +367,9 @@ class Simulation:
             timing_ms=self.profile.timing(),
             lateness_p99_ms=self.pacer.lateness_p99_ms,
         )
+
+
+_change_key = partial(names.service_key, names.SIMULATOR)
 
 
 def _pose(request: client.SpawnRequest | client.MoveRequest) -> Pose2:

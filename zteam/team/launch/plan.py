@@ -78,6 +78,10 @@ class Pace(msgspec.Struct, frozen=True):
     expect: tuple[str, ...] = ()
     """Participants besides the team's own that the first tick of lock-step waits for."""
     paused: bool = False
+    pause_at: int | None = None
+    """The world pauses after this tick."""
+    recorded: Path | None = None
+    """The ticks of the run that is run again (LockStepOptions)."""
 
 
 class TeamLaunch(msgspec.Struct, frozen=True):
@@ -168,7 +172,10 @@ def options_of(launch: TeamLaunch) -> dict[str, process_options.ProcessOptions]:
         until=launch.until,
         speed=None if speed == "max" else float(speed),
         paused=pace.paused,
-        lockstep=process_options.LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
+        pause_at=pace.pause_at,
+        lockstep=process_options.LockStepOptions(launch.participants, pace.timeout, recorded=pace.recorded)
+        if pace.lockstep
+        else None,
         faults=tuple(filter(launch.is_simulated, launch.faults)),
     )
     return {names.SIMULATOR: simulator, **told}

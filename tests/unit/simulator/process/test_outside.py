@@ -28,7 +28,7 @@ class Desk:
 
     def take(self, *joined: str, is_first: bool = False) -> list[tuple[int, str]]:
         """Numbers and keys of the inputs of a tick; those that come again first."""
-        again, new = self.outside.take(joined, is_first=is_first)
+        again, new = self.outside.take(joined, 1, is_first=is_first)
         return [(each.number, each.key) for each in (*again, *new)]
 
 
@@ -57,7 +57,7 @@ def test_the_content_is_what_was_sent(desk: Desk) -> None:
     for encoding in ("text/plain", "application/cdr;request"):
         desk.stranger.transport.declare_publisher("chat", encoding, False).put(b"stop")
     desk.outside.add("sim/move", b"{}")
-    _, (chat, plain, sly, move) = desk.outside.take((), is_first=False)
+    _, (chat, plain, sly, move) = desk.outside.take((), 1, is_first=False)
     assert (chat.type, chat.data.tobytes()) == (String.ros_type, encode(String("hello")))
     assert (plain.type, sly.type, sly.data.tobytes()) == ("", "", b"stop")
     assert (move.type, move.data.tobytes()) == (Input.REQUEST, b"{}")

@@ -1,0 +1,103 @@
+"""`zteam rerun FILE.mcap`: run a recording again, as processes or in this process, and compare each tick."""
+
+import argparse
+import shlex
+import sys
+import tempfile
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, bus_options, run_tool
+from zteam.config.resources import find_team
+from zteam.errors import UsageError, ZteamError, log
+from zteam.node.output import print_line
+
+if TYPE_CHECKING:
+    from zteam.team.launch.plan import TeamLaunch
+
+DIFFERENT, NOT_RUN = 1, 2
+"""Exit codes."""
+
+
+def build_parser() -> Parser:
+    parser = Parser(prog="zteam rerun", description=__doc__, epilog="docs/recording.md says what repeats.")
+    parser.add_argument("file", type=Path, metavar="FILE.mcap", help="a recording of a run in lock-step")
+    parser.add_argument("--in-process", action="store_true", help="run the whole team in this process")
+    parser.add_argument("--bus", action="store_true", help="open a team with --in-process to tools, at a router")
+    parser.add_argument("--team", metavar="FILE", help="give the same inputs to this team instead")
+    parser.add_argument("--pause-at", type=int, metavar="TICK", help="pause after this tick, for tools and the page")
+    parser.add_argument("--keep", type=Path, metavar="FILE.mcap", help="keep the recording of the second run")
+    add_go_timeout_option(parser)
+    add_bus_options(parser)
+    # Of `zteam up`, whose run it is.
+    parser.set_defaults(run_for=None, chaos=None, secure=None, listen=None, report=None)
+    return parser
+
+
+def _rerun(args: argparse.Namespace) -> int:
+    from zteam.record.again import read_run
+    from zteam.simulator.recorded_ticks import write_ticks
+    from zteam.team.file.reading import load_team
+    from zteam.team.launch.plan import with_recording
+    from zteam.team.launch.recorded import restore
+    from zteam.version import __version__
+
+    run = read_run(args.file)
+    if (version := run.facts.get("version")) != __version__:
+        log.warning("%s is of zteam %s, and this is %s", args.file, version, __version__)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            launch, changed = restore(run.contents, Path(folder))
+        except UsageError as error:
+            raise UsageError(f"{args.file}: cannot be run again: {error}") from None
+        for name in changed:
+            log.warning("the source of %s is another one than that of the recording", name)
+        if args.team:
+            launch = msgspec.structs.replace(
+                launch, team=load_team(find_team(args.team)), team_file=find_team(args.team)
+            )
+        if unknown := run.participants - {*launch.participants, "recorder"}:
+            raise UsageError(f"{args.file}: cannot be run again: {', '.join(sorted(unknown))} joined by hand")
+        ticks, made = Path(folder, "ticks"), args.keep or Path(folder, "again.mcap")
+        write_ticks(ticks, run.ticks)
+        pace = msgspec.structs.replace(launch.pace, speed=None, paused=False, recorded=ticks, pause_at=args.pause_at)
+        faults = tuple(filter(launch.is_simulated, launch.faults))
+        launch = msgspec.structs.replace(launch, pace=pace, run_for=None, until=run.last + 1, faults=faults)
+        launch = with_recording(launch, made, shlex.join(["zteam", *sys.argv[1:]]), force=False)
+        try:
+            code = _run(launch, args)
+        except ZteamError as error:
+            # Not 1, which says that the runs differ.
+            raise UsageError(str(error)) from None
+        # A pause is ended by hand.
+        if code and (args.pause_at is None or code != INTERRUPTED):
+            return NOT_RUN
+        return _compare(args.file, made)
+
+
+def _run(launch: "TeamLaunch", args: argparse.Namespace) -> int:
+    from zteam.cli.up import run_launch
+
+    if args.in_process:
+        return run_launch(launch, bus_options(args), args, None)
+    from zteam.team.launch.warm_parent import WarmParent
+
+    with closing(WarmParent()) as parent:
+        parent.prepare()
+        return run_launch(launch, bus_options(args), args, parent)
+
+
+def _compare(recorded: Path, made: Path) -> int:
+    from zteam.record.comparing import compare
+
+    found = compare(recorded, made)
+    print_line(str(found))
+    return DIFFERENT if found.difference else 0
+
+
+main = partial(run_tool, build_parser, _rerun, name="rerun", needs_output=False)
