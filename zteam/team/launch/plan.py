@@ -102,6 +102,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     """None: the team is started without one."""
     faults: tuple[Fault, ...] = ()
     """On purpose; of those, the simulator carries out in lock-step what it can."""
+    own: dict[str, process_options.NodeOptions] = {}
+    """Own nodes by name that are functions of a module."""
     record: process_options.RecorderOptions | None = None
     """None: the run is not recorded."""
 
@@ -205,6 +207,10 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, process_options.Proc
         )
     if launch.view is not None:
         told[names.VIEW] = launch.view
+    for name, own in launch.own.items():
+        if name in told:
+            raise UsageError(f"node {name!r}: the team has a process of this name already")
+        told[name] = own
     if launch.record is not None:
         told[names.RECORDER] = msgspec.structs.replace(launch.record, seed=launch.seed, launch=to_builtins(launch))
     return told

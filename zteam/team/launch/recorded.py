@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from zteam.navigation.planning.parameters import navigation_of_robot
 from zteam.node.process_options import RecorderOptions
 from zteam.robot.behaviors.registry import find_behavior, look_in
 from zteam.simulator.world import load_world
-from zteam.team.file.entries import Team, behavior_of, navigation_of
+from zteam.team.file.entries import behavior_of, navigation_of
 from zteam.team.launch.plan import TeamLaunch, from_builtins
 from zteam.transforms.urdf import read_description
 
@@ -49,7 +50,7 @@ def contents_of(options: RecorderOptions) -> dict[str, bytes]:
         found.add(launch.team_file)
     paths = sorted({path.resolve() for path in found})
     root = os.path.commonpath([path.parent for path in paths]) if paths else "/"
-    recorded = Recorded(options.launch, root, sources_of(launch.team))
+    recorded = Recorded(options.launch, root, sources_of(launch))
     files = {f"{FILES}{path.relative_to(root).as_posix()}": path.read_bytes() for path in paths}
     # Python's own JSON, because it has infinity, as TOML has.
     return {LAUNCH: json.dumps(msgspec.to_builtins(recorded)).encode(), **files}
@@ -68,14 +69,18 @@ def _read_all(launch: TeamLaunch) -> None:
             navigation_of_robot(table, robot.id, folder, f"robot {robot.id}, navigation")
 
 
-def sources_of(team: Team) -> dict[str, str]:
+def sources_of(launch: TeamLaunch) -> dict[str, str]:
     """A hash of the source file of each behaviour, by its name, and of each node's program that is a file."""
-    found = dict[str, str]()
+    found, team = dict[str, str](), launch.team
     look_in((*team.folders, ""))
-    for robot in team.driven:
-        spec, _ = behavior_of(robot)
-        with suppress(ZteamError, OSError, TypeError):
-            found[spec] = _hash_of(Path(inspect.getsourcefile(find_behavior(spec)) or ""))
+    named = [behavior_of(robot)[0] for robot in team.driven] + [node.body for node in launch.own.values()]
+    for spec in dict.fromkeys(named):
+        module, is_users, _ = spec.partition(":")
+        with suppress(ZteamError, ImportError, OSError, TypeError, ValueError):
+            # A user's module is not imported here.
+            own = find_spec(module) if is_users else None
+            file = own.origin if own else inspect.getsourcefile(find_behavior(spec))
+            found[spec] = _hash_of(Path(file or ""))
     for node in team.nodes:
         for word in node.command:
             path = Path(node.folder, word)
@@ -114,6 +119,6 @@ def restore(contents: Mapping[str, bytes], folder: Path) -> tuple[TeamLaunch, li
     if file is not None:
         # Paths of the team are relative to it.
         file.parent.mkdir(parents=True, exist_ok=True)
-    now = sources_of(launch.team)
+    now = sources_of(launch)
     changed = [name for name, source in recorded.sources.items() if now.get(name, "") != source]
     return msgspec.structs.replace(launch, world=world, team_file=file), changed

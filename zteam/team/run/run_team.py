@@ -16,7 +16,7 @@ from zteam.team.arguments import checks_arguments
 from zteam.team.file.reading import read_team_file, set_map_resolution
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import Pace, TeamLaunch, with_faults
+from zteam.team.launch.plan import Pace, TeamLaunch, with_faults, with_recording
 from zteam.team.launch.process import exit_text
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
@@ -37,6 +37,7 @@ def run_team(
     arguments: Mapping[str, Any] | None = None,
     chaos: str | Path | None = None,
     map_resolution: float | None = None,
+    record: str | Path | None = None,
 ) -> RunReport:
     """Run a team file or shipped team in this process, in lock-step and as fast as possible; the report of the run.
 
@@ -44,7 +45,7 @@ def run_team(
     cell) replace those of the team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the
     first tick waits for them. `arguments` are the team file's, by name. With `bus`, such as
     `BusOptions.from_environment()`, tools and other processes find the team there while it runs. `chaos` is a plan of
-    faults, which are in the report.
+    faults, which are in the report. `record` is a new file for a recording of the run (docs/recording.md).
 
     Raises what ended a node of the team: an error of a behaviour or of an own node ends the run. Called in the main
     thread, it takes SIGINT and SIGTERM; Ctrl+C ends the run in order and raises KeyboardInterrupt.
@@ -63,6 +64,8 @@ def run_team(
         raise UsageError('run_team needs a simulator: this team has none (world = "none")')
     pace = Pace(lockstep=True, expect=tuple(nodes or ()))
     launch = TeamLaunch(file.team, chosen.resolve(), seed, file.path, seconds, until, pace)
+    if record is not None:
+        launch = with_recording(launch, Path(record), "zteam.run_team", force=False)
     if chaos is not None:
         launch = with_faults(launch, str(chaos), here=True)
     stop, signals = Stop(), Stop()

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _TEAMS = pytest.StashKey[dict[str, "TeamFixture"]]()
 """Of the session: the teams by the names of their fixtures."""
+_FAILED = pytest.StashKey[bool]()
+"""Of a test: whether some part of it has failed."""
 _HERE = str(Path(__file__).parent) + os.sep
 _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 
@@ -24,15 +26,38 @@ _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 def _give(request: pytest.FixtureRequest) -> Iterator[Any]:
     from zteam.team.testing.team import SharedTeam, TeamFixture
 
-    kind = TeamFixture if request.scope == "function" else SharedTeam
-    teams = request.session.stash.setdefault(_TEAMS, {})
-    fixture = kind(request.config.rootpath, live=request.config.getoption("capture") == "no")
+    is_own, config = request.scope == "function", request.config
+    teams, chosen = request.session.stash.setdefault(_TEAMS, {}), config.getoption("zteam_record") if is_own else None
+
+    def folder() -> Path:
+        if chosen is None:
+            factory: pytest.TempPathFactory = request.getfixturevalue("tmp_path_factory")
+            return Path(factory.mktemp("recording"))
+        made: Path = config.invocation_params.dir / chosen
+        made.mkdir(parents=True, exist_ok=True)
+        return made
+
+    fixture = (TeamFixture if is_own else SharedTeam)(
+        config.rootpath,
+        live=config.getoption("capture") == "no",
+        test=request.node.nodeid,
+        folder=folder,
+        records=chosen is not None,
+    )
     teams[str(request.fixturename)] = fixture
     try:
         yield fixture
     finally:
         fixture.close()
         del teams[str(request.fixturename)]
+        if chosen is not None and not request.node.stash.get(_FAILED, False):
+            fixture.recording.unlink(missing_ok=True)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--zteam-record`."""
+    text = "record the team of each test, and keep the recordings of those that fail (default folder: recordings)"
+    parser.getgroup("zteam").addoption("--zteam-record", nargs="?", const="recordings", metavar="FOLDER", help=text)
 
 
 @pytest.fixture
@@ -102,8 +127,11 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
         # Without the type the short summary has room for the reason.
         crash.message = str(value)
     if report.failed:
+        item.stash[_FAILED] = True
         for fixture in _teams(item):
             report.sections.append(("processes of the team", fixture.report_log()))
+            if item.config.getoption("zteam_record") is not None and fixture.recording.exists():
+                report.sections.append(("recording of the team", str(fixture.recording)))
     return report
 
 

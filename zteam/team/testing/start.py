@@ -1,18 +1,16 @@
 """What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes; or UsageError."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from zteam import names
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError
-from zteam.node.process_options import NodeOptions, to_line
+from zteam.node.process_options import NodeOptions
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.team.launch.own_behaviors import find_body
-from zteam.team.launch.plan import MEMBER
-from zteam.team.launch.process import Job
 from zteam.team.run.threads import Body
 
 
@@ -45,22 +43,18 @@ def robot_tables(
     return [{"id": i, how[i][0]: how[i][1], **params.get(i, {})} for i in ids]
 
 
-def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
-    """Own nodes by name as functions that this process runs."""
-    return {name: find_body(name, b) if isinstance(b, str) else b for name, b in _checked(nodes, here=True)}
-
-
-def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[str, Job]:
-    """Own nodes by name as processes; their modules are looked for in `folders` too."""
-    options = {name: NodeOptions(name, str(body), (*folders, "")) for name, body in _checked(nodes, here=False)}
-    return {name: Job(MEMBER, words=to_line(name, each)) for name, each in options.items()}
-
-
-def _checked(nodes: Mapping[str, Body | str], *, here: bool) -> Iterator[tuple[str, Body | str]]:
+def own_nodes(nodes: Mapping[str, Body | str], folders: Sequence[str], *, here: bool) -> dict[str, NodeOptions]:
+    """Own nodes by name that are given as text; their modules are looked for in `folders` too. With `here`, in a team
+    in this process, others are functions. Raises UsageError for what is neither."""
+    found = dict[str, NodeOptions]()
     for name, body in nodes.items():
         if problem := names.name_problem(name):
             raise UsageError(f"team.start: node {name!r}: {problem}")
         if not (isinstance(body, str) or (here and callable(body))):
             text = "give text 'module:function', or with in_process=True the function itself"
             raise UsageError(f"team.start: nodes[{name!r}] is {body!r:.60}: {text}")
-        yield name, body
+        if isinstance(body, str):
+            if here:
+                find_body(name, body)
+            found[name] = NodeOptions(name, body, (*folders, ""))
+    return found

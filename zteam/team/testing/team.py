@@ -9,12 +9,13 @@ import copy
 import itertools
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, closing
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Self, overload
 
@@ -38,7 +39,7 @@ from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import Pace, TeamLaunch, command_line, is_own
+from zteam.team.launch.plan import Pace, TeamLaunch, command_line, is_own, with_recording
 from zteam.team.launch.process import Job, Process, zteam_command
 from zteam.team.launch.supervisor import GRACE
 from zteam.team.launch.warm_parent import WarmParent
@@ -47,7 +48,7 @@ from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Body, Threads
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
-from zteam.team.testing.start import node_bodies, node_jobs, robot_tables, spec_of
+from zteam.team.testing.start import own_nodes, robot_tables, spec_of
 from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch, close_in_time
 
 _CONDITION = "give a function that is asked again and again, as 'lambda: team.robot(0).speed > 0.1'"
@@ -69,10 +70,20 @@ class TeamFixture:
     """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose. The router
     is started when it is needed."""
 
-    def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
+    def __init__(
+        self,
+        rootdir: Path | None = None,
+        *,
+        live: bool = False,
+        test: str = "",
+        folder: Callable[[], Path] = Path.cwd,
+        records: bool = False,
+    ) -> None:
         """`rootdir` is that of pytest: the team's processes look for modules there, too. With `live` the lines of the
-        processes are printed as they come."""
-        self._rootdir, self._live = rootdir, live
+        processes are printed as they come. `test` is the name of the test, `folder()` where its recording is, and with
+        `records` there is one in any case."""
+        self._rootdir, self._live, self._test, self._records = rootdir, live, test, records
+        self._folder = cache(folder)
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
         self._watch = Watch(live=live)
@@ -98,6 +109,11 @@ class TeamFixture:
             self._run.open()
             self._watch.observe()
         return self._watch
+
+    @property
+    def recording(self) -> Path:
+        """The file of a team that is recorded."""
+        return self._folder() / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', self._test) or 'team'}.mcap"
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -244,6 +260,7 @@ class TeamFixture:
         chaos: bool = False,
         arguments: Mapping[str, Any] | None = None,
         secure: str | Path | None = None,
+        record: bool = False,
     ) -> None:
         """Start a team file (or shipped team), and wait until all its processes are there; the rest as in `start`.
 
@@ -261,7 +278,8 @@ class TeamFixture:
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
-        self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), {}, in_process, chaos)
+        launch = TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace)
+        self._launch(launch, {}, in_process, chaos, record)
 
     def start(
         self,
@@ -278,6 +296,7 @@ class TeamFixture:
         nodes: Mapping[str, Body | str] | None = None,
         in_process: bool = False,
         chaos: bool = False,
+        record: bool = False,
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
@@ -291,7 +310,8 @@ class TeamFixture:
         `nodes` are own nodes by name, which take part from the first tick on: each is a function of the node as for
         `zteam.run`, given as text "module:function". With `in_process` the whole team runs in the test's process, which
         starts it in a fifth of a second and steps it many times faster, with the same result; a node may then be the
-        function itself. Calls that need processes are refused.
+        function itself. Calls that need processes are refused. With `record` the run is in the file `recording`, which
+        is whole when the team has ended.
         """
         tables = robot_tables(robots, spec_of(behavior), follow or {}, params or {})
         file = read_team_tables("team.start", {"robots": tables})
@@ -300,30 +320,31 @@ class TeamFixture:
         if in_process:
             look_in([*file.team.folders, ""])
         chosen = check_team(file, find_world(world).resolve(), here=in_process)
-        own: Mapping[str, Any] = node_bodies(nodes or {}) if in_process else node_jobs(nodes or {}, file.team.folders)
-        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *own), paused=lockstep)
-        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), own, in_process, chaos)
+        own = own_nodes(nodes or {}, file.team.folders, here=in_process)
+        bodies = {name: body for name, body in (nodes or {}).items() if not isinstance(body, str)}
+        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
+        launch = TeamLaunch(file.team, chosen, seed, pace=pace, own=own)
+        self._launch(launch, bodies, in_process, chaos, record)
 
-    def _launch(self, launch: TeamLaunch, nodes: Mapping[str, Any], in_process: bool, chaos: bool) -> None:
-        """Start a team with these own nodes: functions in this process, else jobs."""
+    def _launch(
+        self, launch: TeamLaunch, bodies: Mapping[str, Body], in_process: bool, chaos: bool, record: bool
+    ) -> None:
+        """Start a team; `bodies` are own nodes that are functions in this process."""
         if self._run.plan.jobs:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
         if in_process and (chaos or self._processes.certificates is not None):
             raise UsageError("chaos and secure are for processes: leave in_process out, or them")
         self._watch.silence_limit = launch.pace.timeout
+        if record or self._records:
+            launch = with_recording(launch, self.recording, f"pytest {self._test}", force=True)
         if in_process:
-            self._open_in_process(nodes)
+            self._open_in_process(bodies)
         elif chaos and self._processes.links is None:
             from zteam.team.chaos.links import Links
 
             self._processes.links = self._ends.enter_context(closing(Links()))
         self._run.plan_for(launch)
-        if not in_process:
-            plan = self._run.plan
-            for name in nodes.keys() & plan.jobs.keys():
-                raise UsageError(f"node {name!r}: the team has a process of this name already")
-            plan.jobs |= nodes
         self._opened()
         self._run.start()
         self._watch.wait_for_members()
@@ -512,7 +533,9 @@ class SharedTeam(TeamFixture):
         """End the team: as if nothing had been asked of the fixture yet."""
         self.close()
         self._call = None
-        TeamFixture.__init__(self, self._rootdir, live=self._live)
+        TeamFixture.__init__(
+            self, self._rootdir, live=self._live, test=self._test, folder=self._folder, records=self._records
+        )
 
     def put_back(self) -> None:
         """Before a test: end the team of the test before, and start it again with the same arguments."""
