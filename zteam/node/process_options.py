@@ -157,6 +157,10 @@ class RecorderOptions(msgspec.Struct, frozen=True):
     keys: tuple[str, ...] = ()
     """Key expressions to record alone; none: all."""
     force: Annotated[bool, option("replace the file if it exists")] = False
+    last: Annotated[
+        float | None,
+        option("keep the last seconds alone, and write them at the end", "SECONDS", typed=(1e-3, 1e6, "seconds")),
+    ] = None
     seed: Seed = 1
     command: str = ""
     """What has started the run, for its readers."""

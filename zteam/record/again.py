@@ -47,6 +47,8 @@ def read_run(path: Path) -> RecordedRun:
         raise UsageError(f"{path}: cannot be run again: {facts.get('gaps', 'it does not begin with the first tick')}")
     if stray := facts.get("stray"):
         raise UsageError(f"{path}: cannot be run again: published outside of a step: {stray}")
+    if last := facts.get("last"):
+        raise UsageError(f"{path}: cannot be run again: it has the last {last} s alone")
     if facts.get("keys"):
         raise UsageError(f"{path}: cannot be run again: of its keys only {facts['keys']} were recorded")
     read = [decode(Tick, each) for each in ticks]

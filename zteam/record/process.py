@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from zteam import names
 from zteam.bus.bus import SessionInfo, SessionRequest
 from zteam.bus.transport import RawSample, matches
-from zteam.clock import Every, monotonic, wait_until
+from zteam.clock import Every, monotonic, to_ns, wait_until
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError, log
-from zteam.messages.topics import is_measured
+from zteam.messages.topics import is_latched, is_measured
+from zteam.node.lockstep import TickState
 from zteam.node.node import Due, Node, NoSteps
 from zteam.node.process_options import RecorderOptions
 from zteam.record.gathering import Gatherer
@@ -40,6 +41,8 @@ class Recorder:
     def __init__(self, node: Node, options: RecorderOptions, contents: Mapping[str, bytes]) -> None:
         self._node, self._options = node, options
         facts = {"command": options.command, "seed": str(options.seed), "keys": " ".join(options.keys)}
+        if options.last is not None:
+            facts["last"] = str(options.last)
         self.writer = RecordingWriter(options.file, facts, contents, force=options.force)
         self._gatherer = Gatherer(node.part.ticks.simulators)
         self._arrived: deque[RawSample] = deque()
@@ -52,6 +55,9 @@ class Recorder:
         """Host time of the first message of a base; 0 before."""
         self._latched: dict[tuple[str, str], RawSample] | None = {}
         """The last messages of latched publishers, by key and session, until all are there."""
+        self._kept: deque[Entry] = deque()
+        self._older: dict[str, Entry] = {}
+        """With `last`: its messages, and the newest older one of each latched key."""
         self._live: set[tuple[str, bytes]] = set()
         """What has come meanwhile: the same may be in both."""
         node.bus.subscribe_raw("**", self._receive, from_others=True, screened=False)
@@ -109,7 +115,20 @@ class Recorder:
         keys = self._options.keys
         if keys and not any(matches(each, entry.key) for each in keys):
             return
-        if self.writer.knows(entry.type) or self._learn(entry, session):
+        if not (self.writer.knows(entry.type) or self._learn(entry, session)):
+            return
+        if self._options.last is None:
+            self.writer.put(entry)
+            return
+        self._kept.append(entry)
+        while self._kept[0].time < entry.time - to_ns(self._options.last):
+            old = self._kept.popleft()
+            if is_latched(old.key):
+                self._older[old.key] = old
+
+    def write_kept(self) -> None:
+        """With `last`: write what was kept, after the last messages of latched keys from before."""
+        for entry in (*self._older.values(), *self._kept):
             self.writer.put(entry)
 
     def _learn(self, entry: Entry, session: str) -> bool:
@@ -168,12 +187,14 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
         while not node.stopping:
             node.wait(lambda: False, _PERIOD, by_inputs=False)
             node.decide_clock(recorder.first_data)
-            if node.part.tick is not None or began.due():
+            if node.part.state not in (TickState.NONE, TickState.UNLISTED) or began.due():
                 recorder.end_history()
             recorder.drain()
             if flush.due():
                 recorder.writer.flush()
+        recorder.end_history()
         recorder.drain()
+        recorder.write_kept()
         recorder.writer.finish(recorder.facts())
     except OSError as error:
         recorder.writer.abandon()

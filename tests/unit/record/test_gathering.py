@@ -1,0 +1,157 @@
+"""What a recorder makes of the messages that come: their ticks and times, repeats, and what has not come."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from support.lockstep_doubles import INTERVAL
+from zteam.bus.transport import RawSample
+from zteam.messages import Clock, Done, Header, Message, Odometry, String, Tick, encode, encoding_of, time_from_ns
+from zteam.record.gathering import TRUTH, Gatherer
+from zteam.record.writing import Entry
+
+SIM, ROBOT, TOOL = "51", "b0", "f1"
+"""Sessions."""
+
+
+class Desk:
+    """A gatherer, and the sessions of a simulator, a robot that takes part, and a tool."""
+
+    def __init__(self) -> None:
+        self.gatherer = Gatherer({SIM})
+        self.entries: list[Entry] = []
+
+    def say(self, session: str, key: str, message: Message) -> None:
+        """A message of a session comes."""
+        sample = RawSample(key, encode(message), encoding_of(type(message)), source=session)
+        self.entries += self.gatherer.take(sample)
+
+    def tick(self, number: int, sent: int = 0, *, epoch: int = 1, listed: Sequence[str] = ("robot_0",)) -> None:
+        """A tick comes, before which the simulator has sent so many messages."""
+        sessions = [ROBOT] if listed else []
+        stamp = time_from_ns(number * INTERVAL)
+        self.say(SIM, "sim/tick", Tick(stamp, epoch, number, participants=list(listed), sessions=sessions, sent=sent))
+
+    def done(self, number: int, sent: int = 0, *, epoch: int = 1) -> None:
+        """The robot answers."""
+        self.say(ROBOT, "robot_0/done", Done(epoch, number, sent=sent))
+
+    def odom(self, number: int, key: str = "robot_0/odom") -> None:
+        """The simulator sends odometry of a tick."""
+        self.say(SIM, key, Odometry(Header(time_from_ns(number * INTERVAL))))
+
+    def word(self, text: str, session: str = ROBOT) -> None:
+        self.say(session, "robot_0/word", String(text))
+
+    def take(self, *keys: str) -> list[tuple[str, int, int]]:
+        """Of what was recorded since the last call on these keys: key, time in ticks, tick."""
+        found, self.entries = [each for each in self.entries if each.key in keys], []
+        return [(each.key, each.time // INTERVAL, each.tick) for each in found]
+
+
+@pytest.fixture
+def desk() -> Desk:
+    """The robot has answered the first two ticks."""
+    desk = Desk()
+    for number in (1, 2):
+        desk.tick(number)
+        desk.done(number)
+    desk.entries.clear()
+    return desk
+
+
+def test_a_message_has_the_tick_of_its_sender(desk: Desk) -> None:
+    """Of a participant that which it answers, of the simulator that which it measures, before its tick or after it.
+    What comes from elsewhere, and statuses, have none."""
+    desk.odom(3)
+    desk.tick(3, 1)
+    desk.say(SIM, "robot_0/stall", String("no stamp"))
+    desk.word("inside")
+    desk.word("outside", TOOL)
+    desk.say(ROBOT, "robot_0/status", String("by the clock"))
+    desk.done(3, 1)
+    desk.tick(4, 1)
+    keys = "robot_0/odom", "robot_0/stall", "robot_0/word", "robot_0/status"
+    assert desk.take(*keys) == [
+        ("robot_0/odom", 3, 3),
+        ("robot_0/word", 3, 0),
+        ("robot_0/status", 3, 0),
+        ("robot_0/word", 3, 3),
+        ("robot_0/stall", 3, 3),
+    ]
+    assert not (desk.gatherer.gaps or desk.gatherer.stray)
+
+
+def test_what_comes_again_is_recorded_once(desk: Desk) -> None:
+    """The data of a tick that is sent again, before the tick or after it, and the answer to it."""
+    desk.odom(3)
+    desk.odom(3)
+    desk.tick(3, 1)
+    desk.odom(3)
+    desk.tick(3, 1)
+    for _ in range(2):
+        desk.word("once")
+        desk.done(3, 1)
+    desk.odom(4)
+    desk.tick(4, 1)
+    desk.odom(5)
+    desk.tick(5, 1)
+    found = desk.take("robot_0/odom", "robot_0/word", "robot_0/done", "sim/tick")
+    assert [each for each in found if each[0] == "robot_0/odom"] == [("robot_0/odom", n, n) for n in (3, 4, 5)]
+    assert len(found) == 3 + 1 + 1 + 3
+    assert not (desk.gatherer.gaps or desk.gatherer.stray)
+
+
+@pytest.mark.parametrize("lost", ["of the simulator", "of the robot"])
+def test_a_message_that_has_not_come_is_a_gap(desk: Desk, lost: str) -> None:
+    """In the tick, and of the process, that lacks it."""
+    desk.odom(3)
+    desk.tick(3, 2 if lost == "of the simulator" else 1)
+    desk.done(3, 1 if lost == "of the robot" else 0)
+    desk.tick(4)
+    (gap,) = desk.gatherer.gaps
+    assert ("tick 3" in gap and "robot_0" in gap) if lost == "of the robot" else "sim" in gap
+
+
+def test_a_process_that_publishes_between_its_steps_is_named(desk: Desk) -> None:
+    """Its answer counts the messages of its step alone."""
+    desk.tick(3)
+    desk.done(3)
+    desk.word("between")
+    desk.tick(4)
+    desk.word("in the step")
+    desk.done(4, 1)
+    assert desk.gatherer.stray == {"robot_0": "robot_0/word"}
+
+
+def test_each_tick_has_a_hash_of_its_ground_truth(desk: Desk) -> None:
+    """Equal where the ground truth is."""
+    key = "robot_0/base_pose_ground_truth"
+    for number, pose in ((3, 0.0), (4, 0.0), (5, 1.0)):
+        desk.tick(number, 0 if number == 3 else 1)
+        message = Odometry()
+        message.pose.pose.position.x = pose
+        desk.say(SIM, key, message)
+    desk.tick(6, 1)
+    hashes = [each.data for each in desk.entries if each.key == TRUTH and each.tick > 2]
+    assert len(hashes) == 3
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_ticks_of_no_simulator_count_nothing(desk: Desk) -> None:
+    """They are recorded as any message."""
+    desk.say(TOOL, "sim/tick", Tick(tick=9))
+    assert desk.gatherer.tick is not None
+    assert desk.gatherer.tick.tick == 2
+    assert desk.take("sim/tick") == [("sim/tick", 2, 0)]
+
+
+def test_in_real_time_the_clock_says_when() -> None:
+    """A recording that begins in the middle of a run in lock-step is not whole."""
+    desk = Desk()
+    desk.word("before")
+    desk.say(SIM, "clock", Clock(time_from_ns(7 * INTERVAL)))
+    desk.word("after")
+    assert desk.take("robot_0/word") == [("robot_0/word", 0, 0), ("robot_0/word", 7, 0)]
+    desk.tick(8)
+    assert not desk.gatherer.is_whole
