@@ -4,6 +4,7 @@ import argparse
 import shlex
 import sys
 import tempfile
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -15,10 +16,12 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, bus_options, run_tool
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, ZteamError, log
+from zteam.names import RECORDER
 from zteam.node.output import print_line
 
 if TYPE_CHECKING:
     from zteam.team.launch.plan import TeamLaunch
+    from zteam.team.run.team_run import TeamRun
 
 DIFFERENT, NOT_RUN = 1, 2
 """Exit codes."""
@@ -45,6 +48,7 @@ def _rerun(args: argparse.Namespace) -> int:
     from zteam.team.file.reading import load_team
     from zteam.team.launch.plan import with_recording
     from zteam.team.launch.recorded import restore
+    from zteam.team.run.again import end_again
     from zteam.version import __version__
 
     run = read_run(args.file)
@@ -61,7 +65,8 @@ def _rerun(args: argparse.Namespace) -> int:
             launch = msgspec.structs.replace(
                 launch, team=load_team(find_team(args.team)), team_file=find_team(args.team)
             )
-        if unknown := run.participants - {*launch.participants, "recorder"}:
+        took_part = frozenset[str]().union(*(each.members for each in run.by_number.values()))
+        if unknown := took_part - {*launch.participants, RECORDER}:
             raise UsageError(f"{args.file}: cannot be run again: {', '.join(sorted(unknown))} joined by hand")
         ticks, made = Path(folder, "ticks"), args.keep or Path(folder, "again.mcap")
         write_ticks(ticks, run.ticks)
@@ -70,7 +75,7 @@ def _rerun(args: argparse.Namespace) -> int:
         launch = msgspec.structs.replace(launch, pace=pace, run_for=None, until=run.last + 1, faults=faults)
         launch = with_recording(launch, made, shlex.join(["zteam", *sys.argv[1:]]), force=False)
         try:
-            code = _run(launch, args)
+            code = _run(launch, args, lambda team: end_again(team, run.by_number))
         except ZteamError as error:
             # Not 1, which says that the runs differ.
             raise UsageError(str(error)) from None
@@ -80,16 +85,16 @@ def _rerun(args: argparse.Namespace) -> int:
         return _compare(args.file, made)
 
 
-def _run(launch: "TeamLaunch", args: argparse.Namespace) -> int:
+def _run(launch: "TeamLaunch", args: argparse.Namespace, on_start: "Callable[[TeamRun], None]") -> int:
     from zteam.cli.up import run_launch
 
     if args.in_process:
-        return run_launch(launch, bus_options(args), args, None)
+        return run_launch(launch, bus_options(args), args, None, on_start)
     from zteam.team.launch.warm_parent import WarmParent
 
     with closing(WarmParent()) as parent:
         parent.prepare()
-        return run_launch(launch, bus_options(args), args, parent)
+        return run_launch(launch, bus_options(args), args, parent, on_start)
 
 
 def _compare(recorded: Path, made: Path) -> int:

@@ -5,7 +5,7 @@ import gc
 import os
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
@@ -219,8 +219,15 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     return launch
 
 
-def run_launch(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, parent: "WarmParent | None") -> int:
-    """Run the team as processes of `parent`, or without one in this process, with the same lines."""
+def run_launch(
+    launch: "TeamLaunch",
+    bus: BusOptions,
+    args: argparse.Namespace,
+    parent: "WarmParent | None",
+    on_start: "Callable[[TeamRun], None]" = lambda _: None,
+) -> int:
+    """Run the team as processes of `parent`, or without one in this process, with the same lines. `on_start(team_run)`
+    is called when its members are started."""
     from zteam.cli.up_display import open_display
     from zteam.team.run.processes import Processes
     from zteam.team.run.team_run import TeamRun
@@ -253,7 +260,7 @@ def run_launch(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, 
             team_run, hangs = stack.enter_context(TeamRun(processes, launch, stop)), processes.hangs
             stop.install(on_repeat=team_run.hurry, hung=None)
             what = counted(len(team_run.plan.jobs), "process", "processes")
-        work = partial(_drive, team_run, display, args, what)
+        work = partial(_drive, team_run, display, args, what, on_start)
         try:
             if parent is None:
                 team_run.open()
@@ -267,11 +274,18 @@ def run_launch(launch: "TeamLaunch", bus: BusOptions, args: argparse.Namespace, 
     return _conclude(team_run, report, stop, args.report, hangs.values())
 
 
-def _drive(team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, what: str) -> "RunReport | None":
+def _drive(
+    team_run: "TeamRun",
+    display: "RunDisplay",
+    args: argparse.Namespace,
+    what: str,
+    on_start: "Callable[[TeamRun], None]",
+) -> "RunReport | None":
     from zteam.team.run.processes import warn_of_endpoint
 
     display.say(f"starting {what}")
     team_run.start()
+    on_start(team_run)
     endpoint = team_run.members.endpoint
     log.info("%s, %s; Ctrl+C stops them", what, f"router at {endpoint}" if endpoint else "without a router")
     if args.secure is not None:

@@ -10,6 +10,7 @@ from zteam import names
 from zteam.errors import UsageError
 from zteam.messages import Tick, decode
 from zteam.record.writing import FACTS
+from zteam.simulator.recorded_ticks import RecordedTick, recorded_ticks
 
 
 class RecordedRun(NamedTuple):
@@ -22,8 +23,7 @@ class RecordedRun(NamedTuple):
     """The messages of `sim/tick`; the last one of each tick holds."""
     last: int
     """The number of the last tick."""
-    participants: frozenset[str]
-    """All that took part in some tick."""
+    by_number: dict[int, RecordedTick]
 
 
 def read_run(path: Path) -> RecordedRun:
@@ -55,9 +55,7 @@ def read_run(path: Path) -> RecordedRun:
     numbers = [each.tick for each in read]
     if numbers != sorted(numbers):
         raise UsageError(f"{path}: cannot be run again: its world was put back to the start")
-    return RecordedRun(
-        facts, contents, ticks, numbers[-1], frozenset(name for each in read for name in each.participants)
-    )
+    return RecordedRun(facts, contents, ticks, numbers[-1], recorded_ticks(read))
 
 
 def _why_not(facts: dict[str, str]) -> str:

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from zteam import names
 from zteam.bus.transport import Held
-from zteam.clock import monotonic, wait_until
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.errors import log
 from zteam.messages import Done, Input, TeamState, TeamStatus, Tick
@@ -36,6 +36,8 @@ _NAME_EVERY = 5.0
 """Host seconds between two such lines in the log."""
 _MOST_SENT = 256
 """Ticks that are sent again for tokens within a second; then one for all further tokens. Any program may hold some."""
+_JOIN_LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds for a process to come that joined the run that is run again."""
 _LACKING_LIMIT = 0.5
 """Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
 _LONGEST_LOOK = 1.5
@@ -196,7 +198,12 @@ class LockStep:
         """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`, and send
         it later; the inputs that it carries for the first time."""
         with self._changed:
-            self.tick.open(stamp, tick, robots, out)
+            open_tick, stop = self.tick, self._node.stop
+            open_tick.recorded = self.outside.recorded(tick)
+            wait_until(self._changed, lambda: stop.requested or not open_tick.lacks_recorded(), _JOIN_LIMIT)
+            if absent := open_tick.lacks_recorded():
+                log.error("tick %d: %s took part in the run that is run again", tick, ", ".join(absent))
+            open_tick.open(stamp, tick, robots, out)
             return self._carry()
 
     def _carry(self) -> list[Input]:
@@ -214,6 +221,8 @@ class LockStep:
             self.tick.count_sent(count.sent - self._sent_before)
             self._sent_before = count.sent
             self._send_again()
+            if self.tick.go_on():
+                self._send_again()
         self._patience = Patience(self._timeout, monotonic())
 
     def wait(self, resend: Resend) -> bool:

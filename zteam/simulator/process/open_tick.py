@@ -14,6 +14,7 @@ import numpy as np
 from zteam import names
 from zteam.messages import Done, Input, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
+from zteam.simulator.recorded_ticks import RecordedTick
 
 _NOTHING: list[Input] = []
 _NOBODY: list[str] = []
@@ -54,11 +55,17 @@ class OpenTick:
         """Participants that have ended since the tick was opened. What they answered does not count: whether their
         answer or their end comes first is chance."""
         self.holders = TokenSet()
+        self._is_between = False
+        """Whether the commands of the tick are taken and the next one is not sent: what ends now ends in that."""
+        self._late: list[tuple[str, str, bool]] = []
+        """Tokens that have come or gone meanwhile, which wait for that."""
         self._gone: set[tuple[str, str]] = set()
         """Names and sessions of participants that have left with their last token."""
         self._start = Start.HELD
         self.out: frozenset[str] = frozenset()
         """Processes that a fault on purpose keeps out of the tick. They join when it is over."""
+        self.recorded: RecordedTick | None = None
+        """What the tick was in the run that is run again: the same processes join, and leave, in it."""
         self._go_epoch = 0
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
@@ -69,6 +76,9 @@ class OpenTick:
 
     def on_token(self, name: str, session: str, alive: bool) -> bool:
         """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
+        if self._is_between and (not alive or any(name == late for late, *_ in self._late)):
+            self._late.append((name, session, alive))
+            return False
         self.holders.take(name, session, alive)
         self._sessions_of = None
         if name not in self.holders:
@@ -81,6 +91,16 @@ class OpenTick:
         # A new process joins by answering a tick, and the next one may be far away. The other participants must learn
         # that the process that left is not to be waited for.
         return self.message.tick > 0 and (alive or name in self.message.participants)
+
+    def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
+        """The `commands`, which hold: until the next tick is sent no process ends."""
+        self._is_between = True
+        return self.commands(robots)
+
+    def go_on(self) -> bool:
+        """The next tick is sent: take the tokens that have waited for it. True if it has to be sent again for that."""
+        late, self._late, self._is_between = self._late, [], False
+        return [self.on_token(*each) for each in late].count(True) > 0
 
     def note_return(self, name: str, session: str) -> bool:
         """A token has come. True, once, if it is that of a participant that had left: frozen or without a link. A
@@ -135,9 +155,10 @@ class OpenTick:
         if self._start is not Start.HELD or not self.absent:
             tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
             if self.joining or self.out:
-                present = {*self.members, *self.joining}
+                early = self.joining - self.recorded.members if self.recorded is not None and not self.held else set()
+                present = {*self.members, *self.joining} - early
                 self.joined = sorted(present - self.out - {*self.members})
-                self.members, self.joining = sorted(present - self.out), present & self.out
+                self.members, self.joining = sorted(present - self.out), (present & self.out) | early
         if self._sessions_of is not self.members:
             self._sessions_of = self.members
             self._sessions = sorted({session for name in self.members for session in self.holders.get(name, ())})
@@ -186,7 +207,14 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return self._start is not Start.HELD and not self.must_reopen and not self.missing()
+        if self._start is Start.HELD or self.must_reopen or self.missing():
+            return False
+        return self.recorded is None or self.recorded.leaving.isdisjoint(self.members)
+
+    def lacks_recorded(self) -> list[str]:
+        """The processes that have to join the tick that is about to be opened, and have not asked to."""
+        known = frozenset[str]() if self.recorded is None or self.held else self.recorded.members
+        return sorted(known.difference(self.members, self.joining))
 
     @property
     def may_go_on(self) -> bool:

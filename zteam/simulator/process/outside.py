@@ -20,6 +20,7 @@ from zteam.bus.transport import RawSample, matches
 from zteam.messages import Input
 from zteam.messages.message import CDR
 from zteam.messages.topics import is_own
+from zteam.simulator.recorded_ticks import RecordedTick
 
 MAX_BYTES = 1 << 20
 """Of the inputs of a tick; the rest follows in the next ones. A larger one is refused."""
@@ -132,6 +133,10 @@ class Outside:
         """This session takes no part any more: it has ended."""
         with self._lock:
             self._inside -= {session}
+
+    def recorded(self, tick: int) -> RecordedTick | None:
+        """What a tick was in the run that is run again; None in any other run."""
+        return None
 
     def coming(self, tick: int) -> list[Input]:
         """What is to change the world before this tick is opened: nothing, as queries have changed it already."""

@@ -192,7 +192,9 @@ class Simulation:
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
-        answers = dict(self.faults.deliver(self.since_go, self.lockstep.ask(lambda tick: tick.commands(self.outputs))))
+        answers = dict(
+            self.faults.deliver(self.since_go, self.lockstep.ask(lambda tick: tick.take_commands(self.outputs)))
+        )
         self.outputs.put_commands(answers)
         return commands | answers
 
