@@ -47,9 +47,14 @@ class _Entry(NamedTuple):
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self, deliver: Callable[[Sequence[HubReceiver], Any], None] = deliver_now) -> None:
-        """`deliver(receivers, news)` calls every receiver, in whatever thread."""
-        self.deliver = deliver
+    def __init__(
+        self,
+        deliver: Callable[[Sequence[HubReceiver], Any], None] = deliver_now,
+        settle: Callable[[], object] = lambda: None,
+    ) -> None:
+        """`deliver(receivers, news)` calls every receiver, in whatever thread; `settle()` waits for what it has left to
+        another one."""
+        self.deliver, self.settle = deliver, settle
         self.lock = threading.RLock()
         self.ids = itertools.count(1)
         self.timestamps = monotonic_times()
@@ -166,6 +171,9 @@ class MemoryTransport(Transport):
             except queue.Empty:
                 return [*replies, transport.TIMED_OUT]
         return replies
+
+    def settle(self) -> None:
+        self._hub.settle()
 
     def declare_token(self, key: str) -> Closeable:
         check_use("declare the token", key, self.closed)

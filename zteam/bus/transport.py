@@ -369,6 +369,9 @@ class Transport(ABC):
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
 
+    def settle(self) -> None:  # noqa: B027
+        """Wait until what has come is handled, where messages wait for a thread. Not for handlers."""
+
     def watch_link(self, handler: Callable[[bool], None]) -> None:  # noqa: B027
         """Call `handler(up)` when the link to the router is lost or back; without a router it never is."""
 

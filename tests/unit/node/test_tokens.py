@@ -1,16 +1,13 @@
 """Which processes hold their names, and which tokens are lost for good."""
 
-import threading
+from collections.abc import Callable
 from itertools import permutations
 
 import pytest
 
 from support.cuttable_transport import cut_bus
-from support.limits import LIMIT
-from support.lockstep_doubles import SHORT
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.clock import wait_until
 from zteam.node import tokens as module
 from zteam.node.tokens import GRACE, RETURN_GRACE, CertainTokens, TokenLossFilter, TokenSet
 
@@ -77,29 +74,28 @@ def test_nothing_is_lost_while_the_router_is_away() -> None:
 def test_a_loss_is_told_when_it_is_certain(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """A token that comes is told at once, and its loss a moment later, by one timer for all tokens. Of two that vanish
     with the link, only the one that does not come back is lost."""
-    monkeypatch.setattr(module, "GRACE", SHORT)
-    monkeypatch.setattr(module, "RETURN_GRACE", SHORT)
+    now, timers, told = 0.0, list[tuple[float, Callable[[], None]]](), list[tuple[str, bool]]()
+    monkeypatch.setattr(module, "monotonic", lambda: now)
+    monkeypatch.setattr(module, "later", lambda seconds, act, _: timers.append((now + seconds, act)))
     bus, link = cut_bus(hub)
-    other, changed, told = hub.bus(), threading.Condition(), list[tuple[str, bool]]()
-
-    def take(key: str, alive: bool) -> None:
-        with changed:
-            told.append((key, alive))
-            changed.notify_all()
-
-    CertainTokens(bus, names.tokens_key("*"), take)
+    other = hub.bus()
+    CertainTokens(bus, names.tokens_key("*"), lambda *news: told.append(news))
     keys = [names.token_key(f"robot_{i}", "a") for i in range(30)]
     tokens = [other.declare_token(key) for key in keys]
     assert told == [(key, True) for key in keys]
     for token in tokens[2:]:
         token.close()
-    assert sum(thread.name == "tokens" for thread in threading.enumerate()) <= 1
-    with changed:
-        assert wait_until(changed, lambda: told[30:] == [(key, False) for key in keys[2:]], LIMIT)
+    ((now, look),) = timers
+    timers.clear()
+    look()
+    assert (told[30:], timers) == ([(key, False) for key in keys[2:]], [])
     for token in tokens[:2]:
         token.close()
     link.set_link(False)
     other.declare_token(keys[0])
     link.set_link(True)
-    with changed:
-        assert wait_until(changed, lambda: told[58:] == [(keys[0], True), (keys[1], False)], LIMIT), told[58:]
+    while timers:
+        now, look = timers.pop()
+        look()
+    assert told[58:] == [(keys[0], True), (keys[1], False)]
+    assert now == GRACE + RETURN_GRACE

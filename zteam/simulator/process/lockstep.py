@@ -197,6 +197,8 @@ class LockStep:
     def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> list[Input]:
         """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`, and send
         it later; the inputs that it carries for the first time."""
+        # What has come until now is in this tick.
+        self._node.bus.transport.settle()
         with self._changed:
             open_tick, stop = self.tick, self._node.stop
             open_tick.recorded = self.outside.recorded(tick)

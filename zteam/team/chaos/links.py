@@ -8,7 +8,7 @@ import asyncio
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 
 from zteam import names
 from zteam.bus import Bus
@@ -34,6 +34,7 @@ class Link:
         """A free port of the loopback interface leads to `target`. Raises OSError."""
         self._loop, self.target = loop, target
         self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.setblocking(False)
         self.port = self._listener.getsockname()[1]
         self.up = self.down = GOOD
         """From the process to the router, and back."""
@@ -54,29 +55,40 @@ class Link:
         self._changed = self._loop.create_future()
 
     async def serve(self) -> None:
-        # Not `async with`: from Python 3.12 on its end waits for all connections.
-        server = await asyncio.start_server(self._pass_on, sock=self._listener)
-        with closing(server):
-            while True:
-                await asyncio.wait([self._changed])
+        with closing(self._listener):
+            async with asyncio.TaskGroup() as connections:
+                while True:
+                    near, _ = await self._loop.sock_accept(self._listener)
+                    connections.create_task(self._pass_on(near))
 
-    async def _pass_on(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
+    async def _pass_on(self, near: socket.socket) -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
-        # asyncio would log the end of `close` as an error.
-        with suppress(OSError, asyncio.CancelledError), closing(near_out):
+        # Not asyncio's streams: where one direction ends with an error, they drop the bytes of the other.
+        with suppress(OSError), closing(near):
             await self._until_uncut(lambda: self.up)
-            far, far_out = await asyncio.open_connection(*self.target)
-            with closing(far_out):
-                up, down = self._pump(near, far_out, lambda: self.up), self._pump(far, near_out, lambda: self.down)
+            with closing(await self._connect()) as far:
+                for each in (near, far):
+                    each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                up, down = self._pump(near, far, lambda: self.up), self._pump(far, near, lambda: self.down)
                 await asyncio.gather(up, down)
+
+    async def _connect(self) -> socket.socket:
+        """A connection to the router. Raises OSError."""
+        # The name of a host may have several addresses.
+        for family, kind, _, _, address in await self._loop.getaddrinfo(*self.target, type=socket.SOCK_STREAM):
+            with suppress(OSError), ExitStack() as opened:
+                far = opened.enter_context(socket.socket(family, kind))
+                far.setblocking(False)
+                await self._loop.sock_connect(far, address)
+                opened.pop_all()
+                return far
+        raise OSError(f"nothing listens at {self.target}")
 
     async def _until_uncut(self, wire_now: Callable[[], Wire]) -> None:
         while wire_now().stalled:
             await asyncio.wait([self._changed])
 
-    async def _pump(
-        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire_now: Callable[[], Wire]
-    ) -> None:
+    async def _pump(self, source: socket.socket, sink: socket.socket, wire_now: Callable[[], Wire]) -> None:
         """Pass bytes until the source has ended or the sink takes no more: the other direction goes on to its end."""
         held = asyncio.Queue[tuple[float, bytes]]()
         """Bytes, with the host time at which they came; none at the end."""
@@ -92,7 +104,7 @@ class Link:
                     room.clear()
                     await room.wait()
                 try:
-                    data = await source.read(_CHUNK)
+                    data = await self._loop.sock_recv(source, _CHUNK)
                 except OSError:
                     data = b""
                 size += len(data)
@@ -112,11 +124,10 @@ class Link:
                             await asyncio.wait([self._changed], timeout=None if wire.stalled else wait)
                             continue
                         if not data:
-                            sink.write_eof()
+                            sink.shutdown(socket.SHUT_WR)
                             return
                         part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
-                        sink.write(part)
-                        await sink.drain()
+                        await self._loop.sock_sendall(sink, part)
                         rest = rest[len(part) :]
                         if wire.rate is not None:
                             free_at = max(free_at, now - _SLICE) + len(part) / wire.rate

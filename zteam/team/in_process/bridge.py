@@ -78,6 +78,13 @@ class Delivery:
             finally:
                 work.node, work.call = node, 0
 
+    def settle(self) -> None:
+        """Wait until what was put so far is handled. Not for handlers."""
+        if self._posted:
+            settled = threading.Event()
+            self._post([([HubReceiver("", lambda _: settled.set())], None)])
+            settled.wait()
+
     def _post(self, news: list[tuple[Sequence[HubReceiver], Any]]) -> None:
         with self._changed:
             self._posted += news
@@ -198,7 +205,7 @@ class NodeSessions:
     def __init__(self, outside: Bus | None = None) -> None:
         """With `outside`, a session of this process alone, nodes and processes there find each other."""
         self.delivery = Delivery()
-        self._hub = MemoryHub(self.delivery.deliver)
+        self._hub = MemoryHub(self.delivery.deliver, self.delivery.settle)
         self._inside, self._outside = MemoryTransport(self._hub), outside
         self.instances: set[str] = set()
         """Sessions of the nodes that are open to the outside."""

@@ -1,6 +1,7 @@
 """Links: whole, delayed, slow and cut, with plain sockets at both ends; and the query that changes them."""
 
 import socket
+import struct
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -210,6 +211,23 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     near.shutdown(socket.SHUT_WR)
     near.close()
     assert read(far, 4) == b"stop"
+    assert far.recv(1) == b""
+
+
+def test_the_last_words_pass_though_a_reset_follows(ends: Ends) -> None:
+    """Bytes that came before a reset are passed on, also on a slow link, while those the other way can no longer be."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.change(up=STALLED)
+    near.sendall(b"read ")
+    ends.pass_by()
+    near.sendall(b"unread")
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    near.close()
+    far.sendall(b"to nobody")
+    ends.pass_by()
+    link.change()
+    assert read(far, 11) == b"read unread"
     assert far.recv(1) == b""
 
 

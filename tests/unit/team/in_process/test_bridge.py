@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from support.limits import LIMIT
 from support.lockstep_doubles import HarnessFactory, ScriptedParticipant
 from support.transports import Inbox, ZenohTimes, wait_until_true
 from zteam import names
@@ -13,8 +14,9 @@ from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import RawPublisher
+from zteam.clock import later
 from zteam.errors import DuplicateNameError
-from zteam.messages import Done, Message, encode
+from zteam.messages import Done, Message, String, encode
 from zteam.team.in_process.bridge import NodeSessions
 
 
@@ -149,6 +151,32 @@ def test_a_process_that_is_gone_outside_is_gone_for_the_nodes(place: Place) -> N
     there.close()
     inbox.wait_for(("crowd/alive/x", False))
     wait_until_true(lambda: late.items[-1] == ("crowd/alive/x", False))
+
+
+def test_a_tick_carries_what_came_before_it_opens(place: Place) -> None:
+    """Also what still waits for its handler, while the thread of messages is busy."""
+    harnesses, begun, free = HarnessFactory(place.outside), threading.Event(), threading.Event()
+
+    def take(_key: str, _done: Done) -> None:
+        begun.set()
+        assert free.wait(LIMIT)
+
+    try:
+        harness = harnesses(bus=place.hub.bus("sim"))
+        ScriptedParticipant(place.outside, "robot_0", bus=place.hub.bus("robot_0")).appear()
+        harness.open(1)
+        assert harness.wait()
+        harness.lockstep.outside.read(["chat"])
+        place.hub.bus("monitor").subscribe("a", Done, take)
+        outside = place.outside.bus()
+        outside.publisher("a", Done).put(Done())
+        assert begun.wait(LIMIT)
+        outside.publisher("chat", String).put(String("hello"))
+        later(0.05, free.set, "free")
+        harness.open(2)
+        assert [each.key for each in harness.lockstep.tick.message.inputs] == ["chat"]
+    finally:
+        harnesses.close()
 
 
 def test_answers_from_outside_count_with_a_token_alone(place: Place) -> None:
