@@ -21,8 +21,13 @@ _MOST_OF_KEY = 64
 
 Writer = tuple[str, str, str]
 """Key, session and number of a publisher."""
-Ask = Callable[[str, Callable[[RawSample], object]], None]
-"""`ask(token, receive)` asks the publisher with this token, without waiting, and calls `receive(sample)`."""
+Done = Callable[[], object]
+Ask = Callable[[str, Callable[[RawSample], object], Done], None]
+"""`ask(token, receive, done)` asks the publisher with this token, without waiting. It calls `receive(sample)`, and
+`done()` when nothing more comes."""
+Find = Callable[[str, Callable[[str], object], Done], None]
+"""`find(key_expr, found, done)` looks for the latched publishers of a key expression, without waiting. It calls
+`found(token)` for each, and `done()` after the last."""
 
 
 class _Reader:
@@ -71,10 +76,17 @@ class _Reader:
 class LatchedSubscription:
     """The readers of one key expression, and the latched publishers that are there."""
 
-    def __init__(self, declare: Callable[["LatchedSubscription"], Closeable], ask: Ask, lock: threading.Lock) -> None:
-        """`lock` is that of readers and tokens."""
+    needs_look = False
+    """Whether it is declared, and the publishers that were there before it have not been looked for."""
+    is_known = False
+    """Whether they have been found."""
+
+    def __init__(
+        self, owner: "LatchedSubscriptions", declare: Callable[["LatchedSubscription"], Closeable], passed_over: str
+    ) -> None:
+        """The publishers of the session `passed_over` are not asked."""
         self.declared = Held(partial(declare, self))
-        self._ask, self._lock = ask, lock
+        self._owner, self._passed_over = owner, passed_over
         self.readers: list[_Reader] = []
         self.tokens: dict[Writer, str] = {}
 
@@ -85,7 +97,9 @@ class LatchedSubscription:
     def on_token(self, token: str, alive: bool) -> None:
         """A latched publisher came or went."""
         writer = split_latched_token(token)
-        with self._lock:
+        if writer[1] == self._passed_over:
+            return
+        with self._owner.lock:
             if not alive:
                 self.tokens.pop(writer, None)
                 return
@@ -95,10 +109,13 @@ class LatchedSubscription:
                 return
             self.tokens[writer] = token
             readers = list(self.readers)
-        self.ask(writer, token, readers)
+            # Those that come later are not waited for: there may always be one more.
+            counts = not self.is_known
+            self._owner.asking += counts
+        self.ask(writer, token, readers, counts)
 
-    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader]) -> None:
-        """Ask a publisher for its last message, for these readers."""
+    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader], counts: bool) -> None:
+        """Ask a publisher for its last message, for these readers. `counts`: whether `asking` has the question."""
 
         def answer(sample: RawSample) -> None:
             # Others may answer as well.
@@ -106,16 +123,23 @@ class LatchedSubscription:
                 for reader in readers:
                     reader.receive(sample, writer)
 
-        self._ask(token, answer)
+        self._owner.ask(token, answer, partial(self._owner.go_on, counts))
 
 
 class LatchedSubscriptions:
     """All those of a session."""
 
-    def __init__(self, declare: Callable[[str, bool, LatchedSubscription], Closeable], ask: Ask) -> None:
-        """`declare(key_expr, from_others, subscription)` opens one on the session."""
-        self._declare, self._ask = declare, ask
-        self._lock = threading.Lock()
+    def __init__(
+        self, instance: str, declare: Callable[[str, bool, LatchedSubscription], Closeable], find: Find, ask: Ask
+    ) -> None:
+        """`instance` is the session's id; `declare(key_expr, from_others, subscription)` opens one on it."""
+        self._instance, self._declare, self._find, self.ask = instance, declare, find, ask
+        self.lock = threading.Lock()
+        """That of readers, tokens and what is counted."""
+        self.asking = 0
+        """Questions that are under way, and that are waited for."""
+        self._waiting: list[Done] = []
+        """What is called when there are none."""
         self._open: dict[tuple[str, bool], LatchedSubscription] = {}
 
     def subscribe(self, key_expr: str, handler: SampleHandler, from_others: bool = False) -> Closeable:
@@ -123,26 +147,56 @@ class LatchedSubscriptions:
         `from_others`, not of this session."""
         reader, place = _Reader(handler), (key_expr, from_others)
         handle = Handle(reader.close, partial(self._leave, place, reader))
-        with self._lock:
+        with self.lock:
             subscription = self._open.get(place)
             is_new = subscription is None
             if subscription is None:
-                subscription = LatchedSubscription(partial(self._declare, *place), self._ask, self._lock)
+                passed_over = self._instance if from_others else ""
+                subscription = LatchedSubscription(self, partial(self._declare, *place), passed_over)
                 self._open[place] = subscription
             subscription.readers.append(reader)
             there = list(subscription.tokens.items())
+            self.asking += len(there)
         if is_new:
             try:
                 subscription.declared.open()
             except BaseException:
                 handle.close()
                 raise
+            subscription.needs_look = True
         for writer, token in there:
-            subscription.ask(writer, token, [reader])
+            subscription.ask(writer, token, [reader], True)
         return handle
 
+    def when_caught_up(self, call: Done) -> None:
+        """Call it once the publishers that were there before each subscription have answered."""
+        with self.lock:
+            self._waiting.append(call)
+        self.go_on()
+
+    def go_on(self, ended: int = 0) -> None:
+        """So many questions have ended: look for the publishers of new subscriptions, or call what waits."""
+        with self.lock:
+            self.asking -= ended
+            new, ready = list[tuple[str, LatchedSubscription]](), list[Done]()
+            for (key_expr, _), each in self._open.items() if self._waiting else ():
+                if each.needs_look:
+                    each.needs_look = False
+                    new.append((key_expr, each))
+            self.asking += len(new)
+            if not self.asking:
+                ready, self._waiting = self._waiting, ready
+        for key_expr, each in new:
+            self._find(key_expr, partial(each.on_token, alive=True), partial(self._on_found, each))
+        for call in ready:
+            call()
+
+    def _on_found(self, subscription: LatchedSubscription) -> None:
+        subscription.is_known = True
+        self.go_on(1)
+
     def _leave(self, place: tuple[str, bool], reader: _Reader) -> None:
-        with self._lock:
+        with self.lock:
             subscription = self._open[place]
             subscription.readers.remove(reader)
             if subscription.readers:
