@@ -9,6 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import count, takewhile
 
 from zteam.bus.transport import Closeable, Handle, Held, RawSample, SampleHandler
 from zteam.clock import NOT_KNOWN, Sent, monotonic
@@ -78,8 +79,6 @@ class LatchedSubscription:
 
     needs_look = False
     """Whether it is declared, and the publishers that were there before it have not been looked for."""
-    is_known = False
-    """Whether they have been found."""
 
     def __init__(
         self, owner: "LatchedSubscriptions", declare: Callable[["LatchedSubscription"], Closeable], passed_over: str
@@ -109,13 +108,11 @@ class LatchedSubscription:
                 return
             self.tokens[writer] = token
             readers = list(self.readers)
-            # Those that come later are not waited for: there may always be one more.
-            counts = not self.is_known
-            self._owner.asking += counts
-        self.ask(writer, token, readers, counts)
+            done = self._owner.begin()
+        self.ask(writer, token, readers, done)
 
-    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader], counts: bool) -> None:
-        """Ask a publisher for its last message, for these readers. `counts`: whether `asking` has the question."""
+    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader], done: Done) -> None:
+        """Ask a publisher for its last message, for these readers."""
 
         def answer(sample: RawSample) -> None:
             # Others may answer as well.
@@ -123,7 +120,7 @@ class LatchedSubscription:
                 for reader in readers:
                     reader.receive(sample, writer)
 
-        self._owner.ask(token, answer, partial(self._owner.go_on, counts))
+        self._owner.ask(token, answer, done)
 
 
 class LatchedSubscriptions:
@@ -135,11 +132,10 @@ class LatchedSubscriptions:
         """`instance` is the session's id; `declare(key_expr, from_others, subscription)` opens one on it."""
         self._instance, self._declare, self._find, self.ask = instance, declare, find, ask
         self.lock = threading.Lock()
-        """That of readers, tokens and what is counted."""
-        self.asking = 0
-        """Questions that are under way, and that are waited for."""
-        self._waiting: list[Done] = []
-        """What is called when there are none."""
+        """That of readers, tokens and the line."""
+        self._line: dict[int, Done | None] = {}
+        """Questions that are under way (None), and what is called when those before it are over."""
+        self._numbers = count()
         self._open: dict[tuple[str, bool], LatchedSubscription] = {}
 
     def subscribe(self, key_expr: str, handler: SampleHandler, from_others: bool = False) -> Closeable:
@@ -155,8 +151,7 @@ class LatchedSubscriptions:
                 subscription = LatchedSubscription(self, partial(self._declare, *place), passed_over)
                 self._open[place] = subscription
             subscription.readers.append(reader)
-            there = list(subscription.tokens.items())
-            self.asking += len(there)
+            there = [(*each, self.begin()) for each in subscription.tokens.items()]
         if is_new:
             try:
                 subscription.declared.open()
@@ -164,36 +159,43 @@ class LatchedSubscriptions:
                 handle.close()
                 raise
             subscription.needs_look = True
-        for writer, token in there:
-            subscription.ask(writer, token, [reader], True)
+        for writer, token, done in there:
+            subscription.ask(writer, token, [reader], done)
         return handle
 
-    def when_caught_up(self, call: Done) -> None:
-        """Call it once the publishers that were there before each subscription have answered."""
+    def when_caught_up(self, call: Done, *, is_known: bool = False) -> None:
+        """Call it once the publishers that are there have answered. Those that come later are not waited for: there may
+        always be one more. `is_known`: what was looked for so far has answered."""
         with self.lock:
-            self._waiting.append(call)
-        self.go_on()
-
-    def go_on(self, ended: int = 0) -> None:
-        """So many questions have ended: look for the publishers of new subscriptions, or call what waits."""
-        with self.lock:
-            self.asking -= ended
-            new, ready = list[tuple[str, LatchedSubscription]](), list[Done]()
-            for (key_expr, _), each in self._open.items() if self._waiting else ():
-                if each.needs_look:
-                    each.needs_look = False
-                    new.append((key_expr, each))
-            self.asking += len(new)
-            if not self.asking:
-                ready, self._waiting = self._waiting, ready
-        for key_expr, each in new:
-            self._find(key_expr, partial(each.on_token, alive=True), partial(self._on_found, each))
-        for call in ready:
+            new = [(key_expr, each) for (key_expr, _), each in self._open.items() if each.needs_look]
+            looks = [(*each, self.begin()) for each in new]
+            for _, subscription in new:
+                subscription.needs_look = False
+        for key_expr, subscription, done in looks:
+            self._find(key_expr, partial(subscription.on_token, alive=True), done)
+        if is_known and not new:
             call()
+            return
+        with self.lock:
+            done = self.begin()
+            self._line[next(self._numbers)] = partial(self.when_caught_up, call, is_known=not new)
+        done()
 
-    def _on_found(self, subscription: LatchedSubscription) -> None:
-        subscription.is_known = True
-        self.go_on(1)
+    def begin(self) -> Done:
+        """A question is asked; what it calls at its end. To be called under `lock`."""
+        number = next(self._numbers)
+        self._line[number] = None
+        return partial(self._end, number)
+
+    def _end(self, number: int) -> None:
+        with self.lock:
+            del self._line[number]
+            ready = list(takewhile(lambda each: each[1] is not None, self._line.items()))
+            for number, _ in ready:
+                del self._line[number]
+        for _, call in ready:
+            assert call is not None
+            call()
 
     def _leave(self, place: tuple[str, bool], reader: _Reader) -> None:
         with self.lock:

@@ -75,13 +75,13 @@ def test_all_that_were_there_are_waited_for() -> None:
     desk.open["map"].on_token(TOKEN, True)
     assert (caught_up.items, desk.looks) == (["none"], [])
     desk.all.when_caught_up(lambda: caught_up("first"))
-    desk.all.subscribe("plan", print)
     found, done = desk.looks.pop()
     found(TOKEN)
     found("map/@adv/pub/f1/8/_")
+    done()
+    desk.all.subscribe("plan", print)
     desk.answer(5)
     desk.answer(6)
-    done()
     found, done = desk.looks.pop()
     found("plan/@adv/pub/f1/9/_")
     done()
@@ -110,8 +110,12 @@ def test_those_that_come_later_are_not_waited_for() -> None:
     desk.read()
     desk.all.when_caught_up(lambda: caught_up(1))
     desk.looks.pop()[1]()
+    assert caught_up.items == [1]
     desk.open["map"].on_token(TOKEN, True)
     desk.all.when_caught_up(lambda: caught_up(2))
+    desk.open["map"].on_token("map/@adv/pub/f1/8/_", True)
+    assert caught_up.items == [1]
+    desk.answer(5)
     assert (caught_up.items, len(desk.asked)) == ([1, 2], 1)
 
 
