@@ -9,6 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import count, takewhile
 
 from zteam.bus.transport import Closeable, Handle, Held, RawSample, SampleHandler
 from zteam.clock import NOT_KNOWN, Sent, monotonic
@@ -21,8 +22,13 @@ _MOST_OF_KEY = 64
 
 Writer = tuple[str, str, str]
 """Key, session and number of a publisher."""
-Ask = Callable[[str, Callable[[RawSample], object]], None]
-"""`ask(token, receive)` asks the publisher with this token, without waiting, and calls `receive(sample)`."""
+Done = Callable[[], object]
+Ask = Callable[[str, Callable[[RawSample], object], Done], None]
+"""`ask(token, receive, done)` asks the publisher with this token, without waiting. It calls `receive(sample)`, and
+`done()` when nothing more comes."""
+Find = Callable[[str, Callable[[str], object], Done], None]
+"""`find(key_expr, found, done)` looks for the latched publishers of a key expression, without waiting. It calls
+`found(token)` for each, and `done()` after the last."""
 
 
 class _Reader:
@@ -71,10 +77,15 @@ class _Reader:
 class LatchedSubscription:
     """The readers of one key expression, and the latched publishers that are there."""
 
-    def __init__(self, declare: Callable[["LatchedSubscription"], Closeable], ask: Ask, lock: threading.Lock) -> None:
-        """`lock` is that of readers and tokens."""
+    needs_look = False
+    """Whether it is declared, and the publishers that were there before it have not been looked for."""
+
+    def __init__(
+        self, owner: "LatchedSubscriptions", declare: Callable[["LatchedSubscription"], Closeable], passed_over: str
+    ) -> None:
+        """The publishers of the session `passed_over` are not asked."""
         self.declared = Held(partial(declare, self))
-        self._ask, self._lock = ask, lock
+        self._owner, self._passed_over = owner, passed_over
         self.readers: list[_Reader] = []
         self.tokens: dict[Writer, str] = {}
 
@@ -85,7 +96,9 @@ class LatchedSubscription:
     def on_token(self, token: str, alive: bool) -> None:
         """A latched publisher came or went."""
         writer = split_latched_token(token)
-        with self._lock:
+        if writer[1] == self._passed_over:
+            return
+        with self._owner.lock:
             if not alive:
                 self.tokens.pop(writer, None)
                 return
@@ -95,9 +108,10 @@ class LatchedSubscription:
                 return
             self.tokens[writer] = token
             readers = list(self.readers)
-        self.ask(writer, token, readers)
+            done = self._owner.begin()
+        self.ask(writer, token, readers, done)
 
-    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader]) -> None:
+    def ask(self, writer: Writer, token: str, readers: Iterable[_Reader], done: Done) -> None:
         """Ask a publisher for its last message, for these readers."""
 
         def answer(sample: RawSample) -> None:
@@ -106,16 +120,22 @@ class LatchedSubscription:
                 for reader in readers:
                     reader.receive(sample, writer)
 
-        self._ask(token, answer)
+        self._owner.ask(token, answer, done)
 
 
 class LatchedSubscriptions:
     """All those of a session."""
 
-    def __init__(self, declare: Callable[[str, bool, LatchedSubscription], Closeable], ask: Ask) -> None:
-        """`declare(key_expr, from_others, subscription)` opens one on the session."""
-        self._declare, self._ask = declare, ask
-        self._lock = threading.Lock()
+    def __init__(
+        self, instance: str, declare: Callable[[str, bool, LatchedSubscription], Closeable], find: Find, ask: Ask
+    ) -> None:
+        """`instance` is the session's id; `declare(key_expr, from_others, subscription)` opens one on it."""
+        self._instance, self._declare, self._find, self.ask = instance, declare, find, ask
+        self.lock = threading.Lock()
+        """That of readers, tokens and the line."""
+        self._line: dict[int, Done | None] = {}
+        """Questions that are under way (None), and what is called when those before it are over."""
+        self._numbers = count()
         self._open: dict[tuple[str, bool], LatchedSubscription] = {}
 
     def subscribe(self, key_expr: str, handler: SampleHandler, from_others: bool = False) -> Closeable:
@@ -123,26 +143,62 @@ class LatchedSubscriptions:
         `from_others`, not of this session."""
         reader, place = _Reader(handler), (key_expr, from_others)
         handle = Handle(reader.close, partial(self._leave, place, reader))
-        with self._lock:
+        with self.lock:
             subscription = self._open.get(place)
             is_new = subscription is None
             if subscription is None:
-                subscription = LatchedSubscription(partial(self._declare, *place), self._ask, self._lock)
+                passed_over = self._instance if from_others else ""
+                subscription = LatchedSubscription(self, partial(self._declare, *place), passed_over)
                 self._open[place] = subscription
             subscription.readers.append(reader)
-            there = list(subscription.tokens.items())
+            there = [(*each, self.begin()) for each in subscription.tokens.items()]
         if is_new:
             try:
                 subscription.declared.open()
             except BaseException:
                 handle.close()
                 raise
-        for writer, token in there:
-            subscription.ask(writer, token, [reader])
+            subscription.needs_look = True
+        for writer, token, done in there:
+            subscription.ask(writer, token, [reader], done)
         return handle
 
+    def when_caught_up(self, call: Done, *, is_known: bool = False) -> None:
+        """Call it once the publishers that are there have answered. Those that come later are not waited for: there may
+        always be one more. `is_known`: what was looked for so far has answered."""
+        with self.lock:
+            new = [(key_expr, each) for (key_expr, _), each in self._open.items() if each.needs_look]
+            looks = [(*each, self.begin()) for each in new]
+            for _, subscription in new:
+                subscription.needs_look = False
+        for key_expr, subscription, done in looks:
+            self._find(key_expr, partial(subscription.on_token, alive=True), done)
+        if is_known and not new:
+            call()
+            return
+        with self.lock:
+            done = self.begin()
+            self._line[next(self._numbers)] = partial(self.when_caught_up, call, is_known=not new)
+        done()
+
+    def begin(self) -> Done:
+        """A question is asked; what it calls at its end. To be called under `lock`."""
+        number = next(self._numbers)
+        self._line[number] = None
+        return partial(self._end, number)
+
+    def _end(self, number: int) -> None:
+        with self.lock:
+            del self._line[number]
+            ready = list(takewhile(lambda each: each[1] is not None, self._line.items()))
+            for number, _ in ready:
+                del self._line[number]
+        for _, call in ready:
+            assert call is not None
+            call()
+
     def _leave(self, place: tuple[str, bool], reader: _Reader) -> None:
-        with self._lock:
+        with self.lock:
             subscription = self._open[place]
             subscription.readers.remove(reader)
             if subscription.readers:

@@ -143,6 +143,10 @@ class MemoryTransport(Transport):
             hub.deliver([receiver], sample)
         return subscriber
 
+    def when_caught_up(self, call: Callable[[], object]) -> None:
+        # After the messages that were delivered before.
+        self._hub.deliver([HubReceiver(self._owner, lambda _: call())], None)
+
     def _add(
         self, table: dict[int, _Entry], key_expr: str, receiver: HubReceiver, from_others: bool = False
     ) -> Closeable:

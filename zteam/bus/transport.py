@@ -351,6 +351,11 @@ class Transport(ABC):
         """
 
     @abstractmethod
+    def when_caught_up(self, call: Callable[[], object]) -> None:
+        """Call it, on any thread, once what was latched before each latched subscriber has come to it. A publisher
+        that does not answer is not waited for any longer after a time."""
+
+    @abstractmethod
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         """Answer queries on `key`; what `handler` raises goes to the asker as an error text."""
 

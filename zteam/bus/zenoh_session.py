@@ -24,7 +24,7 @@ from zteam.bus.transport import Closeable, Handle, RawSample, Reply, SampleHandl
 from zteam.clock import NS_PER_S, monotonic, pause, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
-from zteam.names import fixed_part, latched_tokens_key, split_latched_token
+from zteam.names import fixed_part, latched_tokens_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -80,6 +80,10 @@ class Aside:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
         put = self._waiting.put
         return zenoh.handlers.Callback(lambda event: put(partial(transport.call, handler, event)), indirect=False)
+
+    def do(self, work: Callable[[], object]) -> None:
+        """Call `work()` on the thread."""
+        self._waiting.put(partial(transport.call, work))
 
     def end(self) -> None:
         """End the thread when all that waits has been handled, and wait for that a moment."""
@@ -288,7 +292,9 @@ class ZenohTransport(Transport):
         self._get = partial(session.get, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE)
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
-        self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
+        self._latched = LatchedSubscriptions(
+            self.instance, self._subscribe_latched, self._find_latched, self._ask_latched
+        )
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
         self.up = True
@@ -364,12 +370,8 @@ class ZenohTransport(Transport):
         return self._declare("subscribe to", key_expr, declare)
 
     def _subscribe_latched(self, key_expr: str, from_others: bool, subscription: LatchedSubscription) -> Closeable:
-        own = self.instance if from_others else None
-
         def on_token(token: zenoh.Sample) -> None:
-            key = str(token.key_expr)
-            if split_latched_token(key)[1] != own:
-                subscription.on_token(key, token.kind == zenoh.SampleKind.PUT)
+            subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
 
         tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
         live = self._subscribe(key_expr, lambda sample: subscription.receive(sample, sample.writer), from_others)
@@ -381,7 +383,25 @@ class ZenohTransport(Transport):
         )
         return Handle(watch.close, live.close)
 
-    def _ask_latched(self, token: str, receive: Callable[[RawSample], object]) -> None:
+    def when_caught_up(self, call: Callable[[], object]) -> None:
+        self._presence.do(partial(self._latched.when_caught_up, call))
+
+    def _find_latched(self, key_expr: str, found: Callable[[str], object], done: Callable[[], object]) -> None:
+        do = self._presence.do
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                do(partial(found, str(reply.ok.key_expr)))
+
+        # On another thread: Zenoh holds a lock of the session while it calls these, so a call into it never returns.
+        callback: Any = zenoh.handlers.Callback(on_reply, partial(do, done), indirect=False)
+        try:
+            self._session.liveliness().get(latched_tokens_key(key_expr), callback, timeout=ROUTER_ANSWER)
+        except zenoh.ZError as error:
+            # Closed meanwhile; `done` is called as well.
+            log.debug("latched: %s", zenoh_text(error))
+
+    def _ask_latched(self, token: str, receive: Callable[[RawSample], object], done: Callable[[], object]) -> None:
         take = sample_callback(receive)
 
         def on_reply(reply: zenoh.Reply) -> None:
@@ -391,7 +411,7 @@ class ZenohTransport(Transport):
         try:
             self._get(
                 token,
-                zenoh.handlers.Callback(on_reply, indirect=False),
+                zenoh.handlers.Callback(on_reply, partial(self._presence.do, done), indirect=False),
                 timeout=_LATCHED_TIMEOUT,
                 # The answer has the topic's key, not the token's.
                 accept_replies=zenoh.ReplyKeyExpr.ANY,

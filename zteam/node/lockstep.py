@@ -107,7 +107,7 @@ class TickState(Enum):
     NONE = auto()
     """There is no simulator in lock-step."""
     UNLISTED = auto()
-    """It does not list the participant, which has asked to be let in."""
+    """It does not list the participant, which asks to be let in."""
     OPEN = auto()
     """It waits for this process's step."""
     ACTING = auto()
@@ -138,6 +138,8 @@ class Participant:
     """When it came and when its step began, in host time."""
     stamp = 0
     """Of the newest tick, in ns."""
+    _catches_up = False
+    """Whether it waits for latched messages before it asks to be let in."""
     gives_away = False
     """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
@@ -243,9 +245,9 @@ class Participant:
         # Without sessions it is that of an older simulator.
         refused = self.screen.open(tick.sessions if tick.sessions or not tick.participants else None)
         if not is_listed:
-            # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self._told_reads = -1
-            self._done.put(Done(tick.epoch, tick.tick, reads=self._news(), inputs=[*self._asked]))
+            if not self._catches_up:
+                self._catches_up = True
+                self._node.bus.transport.when_caught_up(self._node.handler(self._ask_to_join))
             return
         was_open = state is TickState.OPEN
         seen = before if before is not None and was_open else self._answer
@@ -271,6 +273,14 @@ class Participant:
             # First sendings alone are counted.
             count.sent = sent
             self._done.put(self._answer)
+
+    def _ask_to_join(self) -> None:
+        """Ask to be let in, now that the latched messages have come. It is no answer: once the process is listed, this
+        tick may come again."""
+        self._catches_up = False
+        if (tick := self.tick) is not None and self.state is TickState.UNLISTED:
+            self._told_reads = -1
+            self._done.put(Done(tick.epoch, tick.tick, reads=self._news(), inputs=[*self._asked]))
 
     def _take_inputs(self, tick: Tick) -> None:
         """Hand what the tick carries to its subscriptions; what has come before comes again for those that join."""

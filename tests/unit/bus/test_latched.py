@@ -20,8 +20,15 @@ class Desk:
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, Callable[[RawSample], object]]] = []
+        self._ends: list[Callable[[], object]] = []
+        self.looks: list[tuple[Callable[[str], object], Callable[[], object]]] = []
+        """What each look for publishers calls with those that it finds, and after the last."""
         self.open: dict[str, Any] = {}
-        self.all = LatchedSubscriptions(self._declare, lambda *asked: self.asked.append(asked))
+        self.all = LatchedSubscriptions("own", self._declare, lambda _, *look: self.looks.append(look), self._ask)
+
+    def _ask(self, token: str, take: Callable[[RawSample], object], done: Callable[[], object]) -> None:
+        self.asked.append((token, take))
+        self._ends.append(done)
 
     def _declare(self, key_expr: str, _from_others: bool, subscription: Any) -> Handle:
         self.open[key_expr] = subscription
@@ -38,6 +45,7 @@ class Desk:
         _, take = self.asked.pop(0)
         take(RawSample("other", b"", "", timestamp + 1, "f2"))
         take(sample(timestamp))
+        self._ends.pop(0)()
 
 
 def sample(timestamp: int) -> RawSample:
@@ -56,6 +64,59 @@ def test_all_readers_share_one_question() -> None:
     assert [token for token, _ in desk.asked] == [TOKEN]
     desk.answer(5)
     assert [inbox.items for inbox in (*early, late)] == [[5]] * 4
+
+
+def test_all_that_were_there_are_waited_for() -> None:
+    """Of each subscription, once; of one that is new meanwhile, too; for a further reader its own question. Without a
+    subscription, and where nobody waits, nothing is looked for."""
+    desk, caught_up = Desk(), Inbox()
+    desk.all.when_caught_up(lambda: caught_up("none"))
+    desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    assert (caught_up.items, desk.looks) == (["none"], [])
+    desk.all.when_caught_up(lambda: caught_up("first"))
+    found, done = desk.looks.pop()
+    found(TOKEN)
+    found("map/@adv/pub/f1/8/_")
+    desk.answer(5)
+    done()
+    desk.all.subscribe("plan", print)
+    desk.answer(6)
+    found, done = desk.looks.pop()
+    found("plan/@adv/pub/f1/9/_")
+    done()
+    assert (caught_up.items, len(desk.asked)) == (["none"], 1)
+    desk.answer(7)
+    desk.read()
+    desk.all.when_caught_up(lambda: caught_up("second"))
+    desk.answer(5)
+    assert caught_up.items == ["none", "first"]
+    desk.answer(6)
+    assert (caught_up.items, desk.looks) == (["none", "first", "second"], [])
+
+
+def test_own_publishers_may_be_passed_over() -> None:
+    """Where only those of others count."""
+    desk = Desk()
+    desk.all.subscribe("map", print, from_others=True)
+    for session in ("own", "f1"):
+        desk.open["map"].on_token(f"map/@adv/pub/{session}/7/_", True)
+    assert [token for token, _ in desk.asked] == [TOKEN]
+
+
+def test_those_that_come_later_are_not_waited_for() -> None:
+    """There may always be one more."""
+    desk, caught_up = Desk(), Inbox()
+    desk.read()
+    desk.all.when_caught_up(lambda: caught_up(1))
+    desk.looks.pop()[1]()
+    assert caught_up.items == [1]
+    desk.open["map"].on_token(TOKEN, True)
+    desk.all.when_caught_up(lambda: caught_up(2))
+    desk.open["map"].on_token("map/@adv/pub/f1/8/_", True)
+    assert caught_up.items == [1]
+    desk.answer(5)
+    assert (caught_up.items, len(desk.asked)) == ([1, 2], 1)
 
 
 def test_the_last_reader_closes_the_subscription() -> None:

@@ -2,6 +2,7 @@
 count, and what ends lock-step."""
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -107,6 +108,23 @@ def test_each_tick_is_answered_once_its_inputs_are_there(desk: Desk, script: Scr
         else:
             desk.feed()
     assert (script.take(), desk.acted, desk.repeats) == ([Done(1, tick) for tick in answered], acted, repeats)
+
+
+def test_it_asks_to_be_let_in_when_latched_messages_have_come(hub: MemoryHub, script: ScriptedSimulator) -> None:
+    """At once, for the newest tick, and not before; not if it is listed meanwhile."""
+    desk, waiting = Desk(hub.bus()), list[Callable[[], object]]()
+    desk.node.bus.transport.when_caught_up = waiting.append  # type: ignore[method-assign]
+    with closing(desk.node):
+        desk.node.become_present()
+        script.tick(1)
+        script.tick(2)
+        assert script.take() == []
+        waiting.pop()()
+        assert (script.take(), waiting) == ([Done(1, 2)], [])
+        script.tick(3)
+        script.tick(4, NAME)
+        waiting.pop()()
+        assert script.take() == [Done(1, 4)]
 
 
 def test_a_command_travels_with_the_answer(desk: Desk, script: ScriptedSimulator) -> None:

@@ -98,6 +98,8 @@ class LockStep:
         """Number of the newest query that a participant has handed on, by its session."""
         self._sent_before = 0
         """What the simulator had published when it sent the tick before (`Bus.in_ticks`)."""
+        self._asking: dict[str, tuple[str, Done]] = {}
+        """Session and newest answer of the processes that ask to be let in and wait for what is latched outside."""
         self.resends = 0
         """How often a tick was sent again."""
         self._for_tokens = 0.0, 0
@@ -159,23 +161,44 @@ class LockStep:
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
         name = names.process_of(key, names.DONE) or ""
-        tick = self.tick
         with self._lock:
-            if tick.on_done(name, session, done):
-                self.outside.admit(session)
-                if done.reads:
-                    self._reads[name] = done.reads
-                    self.outside.read(done.reads)
-                for each in done.inputs:
-                    self._take(session, each)
-                if done.has_command and (robot_id := names.robot_id_of(name)) is not None:
-                    self._on_command(robot_id)
-                if tick.may_go_on:
-                    self._changed.notify_all()
-            elif name in tick.holders:
-                holder = tick.holders.name_of(session)
-                sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
-                self._node.bus.counters.drop(key, f"{sender} does not hold the name {name}")
+            holders = self.tick.holders
+            if session not in holders.get(name, ()):
+                if name in holders:
+                    holder = holders.name_of(session)
+                    sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
+                    self._node.bus.counters.drop(key, f"{sender} does not hold the name {name}")
+                return
+            self.outside.admit(session)
+            if done.reads:
+                self._reads[name] = done.reads
+                self.outside.read(done.reads)
+            if name in self.tick.members:
+                self._take_done(name, session, done)
+                return
+            is_first = not self._asking
+            self._asking[name] = session, done
+            if is_first:
+                self._node.bus.transport.when_caught_up(self._let_in)
+
+    def _let_in(self) -> None:
+        """What is latched outside has come: the first tick of those that ask carries what they read of it."""
+        with self._lock:
+            asking, self._asking = self._asking, {}
+            for name, (session, done) in asking.items():
+                # A participant answers ticks, and this is no answer.
+                if name not in self.tick.members:
+                    self._take_done(name, session, done)
+
+    def _take_done(self, name: str, session: str, done: Done) -> None:
+        if not self.tick.on_done(name, session, done):
+            return
+        for each in done.inputs:
+            self._take(session, each)
+        if done.has_command and (robot_id := names.robot_id_of(name)) is not None:
+            self._on_command(robot_id)
+        if self.tick.may_go_on:
+            self._changed.notify_all()
 
     def _take(self, session: str, asked: Input) -> None:
         """A query that is to change the participant which has answered it; it comes again until a tick carries it."""

@@ -10,6 +10,7 @@ import threading
 import uuid
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from threading import get_ident
 from typing import Any
 
@@ -183,6 +184,9 @@ class _BridgedSession(_Session):
                 sessions.delivery.deliver(receivers, news)
 
         return self._pair(inside, self._outside.declare_subscriber(key_expr, hear, latched))
+
+    def when_caught_up(self, call: Callable[[], object]) -> None:
+        self._outside.when_caught_up(partial(super().when_caught_up, call))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         inside = super().declare_queryable(key, handler)

@@ -208,7 +208,7 @@ def _told_beside_simulator(launch: TeamLaunch) -> dict[str, process_options.Proc
     if launch.view is not None:
         told[names.VIEW] = launch.view
     for name, own in launch.own.items():
-        if name in told:
+        if name in told or name == names.SIMULATOR:
             raise UsageError(f"node {name!r}: the team has a process of this name already")
         told[name] = own
     if launch.record is not None:

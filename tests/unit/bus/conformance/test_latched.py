@@ -38,6 +38,28 @@ def test_late_subscribers_get_the_last_message(sessions: Sessions) -> None:
     assert closed.items == before
 
 
+def test_what_waits_for_latched_messages_comes_after_them(sessions: Sessions) -> None:
+    """Also if a handler asks for it, and if there are none; what is called may publish."""
+    # Of a bridge, the first session is on one side, the second and the fourth are on the other.
+    listener, sender, _, witness = (sessions() for _ in range(4))
+    heard, inbox, keys = ticks(witness, "**"), Inbox(), [f"a/{number}" for number in range(10)]
+    for key in keys:
+        sender.publisher(key, Done, latched=True).put(Done())
+        heard.wait_for((key, 0))
+    begin, end = (bus.publisher(key, Done, latched=True) for bus, key in ((sender, "begin"), (listener, "end")))
+
+    def read(*_: object) -> None:
+        for key in keys:
+            listener.subscribe(key, Done, lambda key, _: inbox(key), latched=True)
+        listener.transport.when_caught_up(lambda: (inbox("all"), end.put(Done())))
+
+    listener.subscribe("begin", Done, read, latched=True)
+    sender.subscribe("none", Done, inbox, latched=True)
+    sender.transport.when_caught_up(lambda: begin.put(Done()))
+    heard.wait_for(("end", 0))
+    assert (sorted(inbox.items[:-1]), inbox.items[-1]) == (keys, "all")
+
+
 def test_a_wildcard_gets_the_last_message_of_each_key(sessions: Sessions) -> None:
     """One message a key."""
     sender, listener, _, witness = (sessions() for _ in range(4))

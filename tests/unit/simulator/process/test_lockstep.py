@@ -4,6 +4,7 @@ The rules by which a tick ends are those of `OpenTick`, and have tests of their 
 """
 
 import threading
+from collections.abc import Callable
 
 import pytest
 
@@ -25,7 +26,7 @@ from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import monotonic
-from zteam.messages import Done, Odometry, TeamState, Twist, Vector3, ns_from_time
+from zteam.messages import Done, Odometry, String, TeamState, Twist, Vector3, ns_from_time
 from zteam.node.shutdown import Stop
 
 
@@ -67,6 +68,28 @@ def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: Harne
     assert (harness.lockstep.tick.joining, harness.lockstep.tick.members) == ({"planner"}, ["robot_0"])
     harness.open(3)
     assert harness.lockstep.tick.members == ["planner", "robot_0"]
+
+
+@pytest.mark.usefixtures("patient")
+def test_the_first_tick_of_a_process_has_what_is_latched_outside(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It is let in when all of that has come; what it asks once more is no answer to the tick that lists it."""
+    harness, waiting, ask = new_harness("planner"), list[Callable[[], object]](), Done(0, 1, reads=["motto?latched"])
+    harness.node.bus.transport.when_caught_up = waiting.append  # type: ignore[method-assign]
+    planner = ScriptedParticipant(hub, "planner")
+    planner.asks = planner.awake = False
+    harness.open(1)
+    planner.appear()
+    planner.say(ask)
+    planner.say(ask)
+    hub.bus().publisher("motto", String, latched=True).put(String("go"))
+    assert (harness.lockstep.tick.joining, len(waiting)) == (set(), 1)
+    waiting.pop()()
+    planner.say(ask)
+    harness.begin()
+    planner.wait_for_list("planner")
+    waiting.pop()()
+    assert [each.key for each in planner.heard[-1].inputs] == ["motto"]
+    assert harness.lockstep.tick.missing() == ["planner"]
 
 
 @pytest.mark.usefixtures("patient")
