@@ -90,7 +90,7 @@ int add_sample(tf_edge *e, int64_t stamp, const tf_name *parent, const double *p
             memmove(e->samples, sample_of(e, 0), e->count * sizeof *e->samples);
             e->first = 0;
         } else {
-            int64_t room = 2 * e->room + 16;
+            int64_t room = 2 * e->room + 2;
             tf_sample *samples = realloc(e->samples, room * sizeof *samples);
             if (!samples)
                 return 0;

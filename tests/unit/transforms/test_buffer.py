@@ -190,6 +190,13 @@ def test_a_late_sample_of_the_old_parent_goes_where_it_belongs() -> None:
     assert [buffer.lookup_pose2("map", "base", time * S // 2)[0].x for time in (4, 3, 0)] == [2.0, 1.5, 103.0]
 
 
+def test_a_frame_that_has_come_once_takes_little_memory() -> None:
+    """Any program can invent frames."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S), "test")
+    assert buffer._edges["base"].edge.room <= 2
+
+
 def test_the_full_static_set_replaces_the_old_one_whole() -> None:
     """Edges that it no longer has are forgotten, and those of the old set make no loop with the new ones."""
     buffer = Buffer()

@@ -12,14 +12,14 @@ from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import BusError, log
-from zteam.messages import BaseInfo, LaserScan, NavigationState, Odometry, RobotState, TFMessage, Tick, Twist
+from zteam.messages import BaseInfo, LaserScan, Message, NavigationState, Odometry, RobotState, TFMessage, Tick, Twist
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport
 from zteam.node.tokens import CertainTokens, TokenSet
-from zteam.robot.behaviors.behavior import Behavior, declared_inputs
+from zteam.robot.behaviors.behavior import Behavior, DeclaredInput, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
@@ -103,7 +103,7 @@ class RobotNode:
         for driver, (topic, kind) in SOURCES.items():
             node.receive(key(topic), kind, partial(inputs.on_velocity, driver), self._lateness_of)
         for declared in inputs.declared:
-            receive = partial(inputs.on_declared, declared)
+            receive = partial(self._on_declared, declared)
             node.receive(declared.key, declared.type, receive, latched=is_latched(declared.key))
 
     def _lateness_of(self, sample: RawSample) -> str:
@@ -143,6 +143,13 @@ class RobotNode:
         robot_id = names.robot_id_of(key.partition("/")[0])
         if robot_id is not None:
             self._inputs.on_base_info(robot_id, message)
+
+    def _on_declared(self, declared: DeclaredInput, key: str, message: Message, stamp: int) -> None:
+        part, target = self._node.part, names.split_robot_key(key)
+        is_of_team = target is None or target[0] in part.robots or target[0] in part.team
+        # Any program can invent robots, and each would be remembered.
+        if is_of_team or part.tick is None or not declared.of_all_robots:
+            self._inputs.on_declared(declared, key, message, stamp)
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""

@@ -93,22 +93,25 @@ def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_ne
 ) -> None:
     """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
     the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing. The base of a robot
-    that is not in the tick's world does not count, whenever it comes.
+    that is not in the tick's world does not count, whenever it comes, and neither does its status: any program can
+    invent robots.
     """
     heard: list[RobotStatus] = []
     hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
     put(hub, names.BASE_INFO, BaseInfo(), latched=True)
-    put(hub, names.BASE_INFO, BaseInfo(), robot=7, latched=True)
-    put(hub, names.STATUS, RobotStatus(robot_id=7), robot=7)
+    for robot_id in (7, 8):
+        put(hub, names.BASE_INFO, BaseInfo(), robot=robot_id, latched=True)
+        put(hub, names.STATUS, RobotStatus(robot_id=robot_id), robot=robot_id)
     told = []
     for tick, team in enumerate((["robot_0"], ["robot_0"], ["robot_0", "robot_1"], ["robot_0", "robot_1"]), 2):
-        simulator.tick(tick, *team, robots=(0,))
+        simulator.tick(tick, *team, robots=(0, 7))
         before = len(heard)
         put_inputs(hub, tick)
         told.append(len(heard) > before)
     assert [7 in robots for robots in Seen.told] == [False, True, True, True]
     assert told == [True, False, True, False]
-    assert Seen.bases == [[0]] * 4
+    assert not any(8 in robots for robots in Seen.told)
+    assert Seen.bases == [[0, 7]] * 4
 
 
 def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
@@ -116,13 +119,14 @@ def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
 ) -> None:
     """A robot that has not heard of a reset may repeat its last status, and the aggregator its last bundle. Such a
     status does not hold back those of the new time, and such a bundle is not the one that a step waits for."""
-    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    for robot_id in (0, 7):
+        put(hub, names.BASE_INFO, BaseInfo(), robot=robot_id, latched=True)
     put_inputs(hub, 2)
-    simulator.tick(9, "robot_0", "tf", robots=(0,))
+    simulator.tick(9, "robot_0", "tf", robots=(0, 7))
     put_bundle(hub, 9)
     put_inputs(hub, 9)
     assert [done.tick for done in simulator.take()] == [2, 9]
-    simulator.tick(1, "robot_0", "tf", robots=(0,))
+    simulator.tick(1, "robot_0", "tf", robots=(0, 7))
     put_bundle(hub, 9)
     put_status(hub, 9)
     put_inputs(hub, 1)
@@ -131,7 +135,7 @@ def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
     put_status(hub, 1)
     assert [done.tick for done in simulator.take()] == [1]
     Seen.told.clear()
-    simulator.tick(2, "robot_0", robots=(0,))
+    simulator.tick(2, "robot_0", robots=(0, 7))
     put_inputs(hub, 2)
     assert [7 in robots for robots in Seen.told] == [True]
 
