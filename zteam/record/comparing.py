@@ -1,7 +1,7 @@
 """Compares two runs in lock-step by their recordings: what participants have published in each tick.
 
-What belongs to no tick is left out: logs, statuses, and what tools publish. So is what a run does not repeat: the ids of sessions
-in ticks and answers. Bytes are compared, and messages are decoded only where these differ.
+What belongs to no tick is left out: logs, statuses, and what tools publish. So is what a run does not repeat: the ids
+of sessions in its ticks. Bytes are compared, and messages are decoded only where these differ.
 """
 
 from collections.abc import Callable, Iterator
@@ -44,6 +44,16 @@ class Difference(msgspec.Struct, frozen=True):
     a: str | None
     """The value; without a field, how many messages there are in this tick; None if there is none."""
     b: str | None
+
+    @property
+    def text(self) -> str:
+        """In a line."""
+        where = f"tick {self.tick}: {self.key}{f' of {self.process}' if self.process else ''}"
+        if self.field:
+            return f"{where}: {self.field} is {self.a} in A, {self.b} in B"
+        if self.a is None or self.b is None:
+            return f"{where} is in {'A' if self.b is None else 'B'} alone"
+        return f"{where}: {self.a} in A, {self.b} in B"
 
 
 class ComparedTopic(msgspec.Struct):
@@ -289,7 +299,7 @@ def _notes(runs: tuple[_Run, _Run]) -> Iterator[str]:
         yield f"{recordings[0].path} is of zteam {versions[0]}, {recordings[1].path} of {versions[1]}"
     for recording in recordings:
         facts = recording.end_facts
-        if not facts:
+        if not facts or "recovered" in facts:
             yield f"{recording.path} was cut off"
         if gaps := facts.get("gaps"):
             yield f"{recording.path} lacks messages: {gaps.splitlines()[0]}"

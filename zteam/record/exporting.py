@@ -1,5 +1,6 @@
 """Other forms of a recording: a finished copy, a directory that `ros2 bag` opens, CSV files, and a picture."""
 
+import copy
 import csv
 from collections.abc import Iterable
 from pathlib import Path
@@ -74,7 +75,7 @@ def write_ros2_bag(recording: Recording, folder: Path, *, force: bool = False) -
         "topics_with_message_count": topics,
         "compression_format": "",
         "compression_mode": "",
-        "files": [{"path": path.name, **span}],
+        "files": [{"path": path.name, **copy.deepcopy(span)}],
     }
     text = yaml.safe_dump({"rosbag2_bagfile_information": facts}, sort_keys=False)
     _write(folder / "metadata.yaml", text, force=force)

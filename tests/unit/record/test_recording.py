@@ -62,7 +62,7 @@ def test_messages_come_back(whole: Path) -> None:
 
 
 def test_a_table_has_a_column_for_each_field(whole: Path) -> None:
-    """Numbers keep their type, nested fields have dotted names, arrays and texts are objects; all have one dimension."""
+    """Numbers keep their type, nested fields have dotted names, arrays and texts are objects; all are of one length."""
     table = Recording(whole).table("robot_0/base_scan")
     assert list(table)[:4] == ["time_s", "header.stamp.sec", "header.stamp.nanosec", "header.frame_id"]
     assert {(column.ndim, len(column)) for column in table.values()} == {(1, COUNT)}
