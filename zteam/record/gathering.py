@@ -137,7 +137,9 @@ class Gatherer:
         if sent is not None and len(pending) != sent:
             # What was sent again, because a participant lacked it, is no other message.
             pending = list(dict.fromkeys(pending))
-            for each in [each for each in pending if each in stream.last][: max(0, len(pending) - sent)]:
+            # One without a stamp may say the same in each tick.
+            again = sorted((each for each in pending if each in stream.last), key=lambda each: not _stamp_of(*each[1:]))
+            for each in again[: max(0, len(pending) - sent)]:
                 pending.remove(each)
             if len(pending) < sent:
                 self.gaps.append(f"tick {number}: {len(pending)} of {sent} messages of {name} have come")

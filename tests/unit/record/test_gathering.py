@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from zteam.bus.transport import RawSample
-from zteam.messages import Done, Float64, Header, LaserScan, Message, String, Tick, Twist, encode, time_from_ns
+from zteam.messages import Bool, Done, Float64, Header, LaserScan, Message, String, Tick, Twist, encode, time_from_ns
 from zteam.messages.message import encoding_of
 from zteam.record.gathering import Gatherer
 from zteam.record.writing import Entry
@@ -56,11 +56,18 @@ def test_answers_that_come_before_or_behind_a_tick() -> None:
 
 
 def test_a_scan_that_is_sent_again_is_no_other_one() -> None:
-    """A participant that lacks a scan gets it once more behind the tick: neither is it recorded twice, nor stray."""
+    """A participant that lacks a scan gets it once more behind the tick: neither is it recorded twice, nor stray, nor
+    taken for a message without a stamp that says the same in each tick."""
+
+    def stalls(number: int) -> list[RawSample]:
+        return [sample("robot_0/stall", Bool(), SIM), *tick(number, sent=2)]
+
     again = tick(3)[0]
-    samples = [*run(1, 2), *tick(3), again, *answer(3), *run(4, 5)]
-    gatherer, found = gathered(samples)
+    samples = [*stalls(1), *answer(1), *stalls(2), *answer(2), *stalls(3), *answer(3)]
+    stall, *rest = stalls(4)
+    gatherer, found = gathered([*samples, stall, again, *rest, *answer(4), *stalls(5)])
     assert found.count(("robot_0/base_scan", 3)) == 1 and (list(gatherer.gaps), gatherer.stray) == ([], {})
+    assert found.count(("robot_0/stall", 3)) == 1
 
 
 def test_a_message_that_does_not_come_is_a_gap() -> None:
