@@ -44,6 +44,11 @@ A whole team also runs in a program of your own, without any other process:
     report = zteam.run_team("line", seconds=60.0, seed=3)
     print(report.trajectory_sha256, [robot.distance_m for robot in report.robots])
 
+What `zteam up --record run.mcap` has recorded comes back as messages, or as columns for pandas:
+
+    recording = zteam.Recording("run.mcap")
+    print(recording.report.seconds, recording.table("robot_0/odom")["pose.pose.position.x"].max())
+
 A test starts a whole team with the pytest fixture `team`, or runs a node or a behaviour by itself with `zteam.testing`.
 
 Public packages:
@@ -80,6 +85,7 @@ if TYPE_CHECKING:
     from zteam.navigation.client import TaskResult as TaskResult
     from zteam.node.node import Node as Node
     from zteam.node.node import run as run
+    from zteam.record.recording import Recording as Recording
     from zteam.robot.behaviors.behavior import Behavior as Behavior
     from zteam.robot.client import ParametersClient as ParametersClient
     from zteam.robot.view import View as View
@@ -101,6 +107,7 @@ _NAMES = {
     "navigation.basic_navigator": ["BasicNavigator"],
     "navigation.client": ["TaskResult"],
     "node.node": ["Node", "run"],
+    "record.recording": ["Recording"],
     "robot.behaviors.behavior": ["Behavior"],
     "robot.client": ["ParametersClient"],
     "robot.view": ["View"],

@@ -18,6 +18,7 @@ COMMANDS = {
     "view": ("zteam-view", "see the team in a browser, and drive it with the mouse"),
     "record": ("zteam-record", "record a running team"),
     "rerun": ("rerun", "run a recording again, and compare each tick"),
+    "recording": ("recording", "info | compare | export | plot | recover: what recorded runs hold"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),

@@ -5,6 +5,7 @@ MEANT = {
     "topic": "rostopic topics",
     "topic echo": "print cat show",
     "topic pub": "publish send",
+    "recording": "rosbag bag mcap",
     "tf echo": "tf_echo tf2_echo",
     "tf tree": "view_frames rqt_tf_tree frames",
     "tf monitor": "tf_monitor tf2_monitor",

@@ -27,10 +27,10 @@ class _Stream:
 
     def __init__(self) -> None:
         self.pending: list[tuple[str, str, bytes]] = []
-        self.before: list[tuple[str, str, bytes]] = []
-        """What it had sent until that answer."""
         self.answered: tuple[int, int] | None = None
         """Epoch and tick of its last answer."""
+        self.last: frozenset[tuple[str, str, bytes]] = frozenset()
+        """What it had sent until then. What a participant lacks of it comes once more."""
 
 
 class Gatherer:
@@ -53,6 +53,8 @@ class Gatherer:
         self._inside: frozenset[str] = frozenset()
         self._streams: dict[str, _Stream] = {}
         self._truth: dict[str, bytes] = {}
+        self._early: list[tuple[str, bytes, str, list[tuple[str, str, bytes]]]] = []
+        """Answers to a tick that itself has not come yet, and what was sent before each."""
 
     def take(self, sample: RawSample) -> Iterable[Entry]:
         """A message has come."""
@@ -79,6 +81,7 @@ class Gatherer:
         if before is not None and tick.tick < before.tick:
             # The world begins anew.
             self._streams.clear()
+            self._early.clear()
             before = None
         is_new = before is None or (tick.epoch, tick.tick) != (before.epoch, before.tick)
         if before is None:
@@ -98,39 +101,58 @@ class Gatherer:
             yield from self._end("", self._streams.pop(gone), tick, None, self.time)
         if before is None or is_new or tick != before:
             yield Entry(names.TICK, Tick.ros_type, self.time, data, tick.tick)
+        early, self._early = self._early, []
+        for name, answer, session, sent_before in early:
+            stream = self._streams.setdefault(session, _Stream())
+            sent_after, stream.pending = stream.pending, sent_before
+            yield from self._on_done(name, answer, session)
+            stream.pending += sent_after
 
     def _on_done(self, name: str, data: bytes, source: str) -> Iterator[Entry]:
         done, tick = decode(Done, data), self.tick
         assert tick is not None
         stream, answer = self._streams.setdefault(source, _Stream()), (done.epoch, done.tick)
+        if done.tick > tick.tick:
+            # The way from the simulator over a participant may be the faster one.
+            self._early.append((name, data, source, stream.pending))
+            stream.pending = []
+            return
         if stream.answered == answer:
             # The tick has come again, and so has what was sent in it.
             stream.pending.clear()
             return
         first, stream.answered = stream.answered is None, answer
-        yield from self._end(name, stream, tick, None if first or tick.tick == 1 else done.sent, self.time)
+        sent = None if first or done.tick == 1 else done.sent
+        # It may come after the next tick: its messages belong to the one that it answers.
+        yield from self._end(name, stream, tick, sent, self.time, done.tick)
         yield Entry(names.done_key(name), Done.ros_type, self.time, data, done.tick)
 
-    def _end(self, name: str, stream: _Stream, tick: Tick, sent: int | None, limit: int) -> Iterator[Entry]:
-        """What a session has sent in a tick: `sent` messages, some of them more than once."""
+    def _end(
+        self, name: str, stream: _Stream, tick: Tick, sent: int | None, limit: int, answered: int | None = None
+    ) -> Iterator[Entry]:
+        """What a session has sent in a tick, or in the one that it has `answered`: `sent` messages, some of them more
+        than once."""
+        number = tick.tick if answered is None else answered
         pending, stream.pending = stream.pending, []
-        if len(pending) != sent:
-            # What was sent again, because a participant lacked it, is no other message: in its tick, or after it, where
-            # its stamp shows that.
-            again = {each for each in stream.before if _stamp_of(*each[1:])}
-            pending = [each for each in dict.fromkeys(pending) if each not in again]
-        stream.before = pending
         if sent is not None and len(pending) != sent:
+            # What was sent again, because a participant lacked it, is no other message.
+            pending = list(dict.fromkeys(pending))
+            # One without a stamp may say the same in each tick.
+            again = sorted((each for each in pending if each in stream.last), key=lambda each: not _stamp_of(*each[1:]))
+            for each in again[: max(0, len(pending) - sent)]:
+                pending.remove(each)
             if len(pending) < sent:
-                self.gaps.append(f"tick {tick.tick}: {len(pending)} of {sent} messages of {name} have come")
-            else:
+                self.gaps.append(f"tick {number}: {len(pending)} of {sent} messages of {name} have come")
+            elif len(pending) > sent:
                 self.stray.setdefault(name, pending[-1][0])
+        elif sent is None:
+            pending = list(dict.fromkeys(pending))
+        stream.last = frozenset(pending)
         stamp = ns_from_time(tick.stamp)
         for key, kind, data in pending:
             # The simulator sends what it has measured before the tick, or after it.
             time = max(stamp, min(_stamp_of(kind, data), limit)) if name == names.SIMULATOR else stamp
-            number = tick.tick + (time > stamp)
-            yield Entry(key, kind, time, data, number)
+            yield Entry(key, kind, time, data, number + (time > stamp))
             if key.endswith(names.GROUND_TRUTH):
                 self._truth[key] = data
 

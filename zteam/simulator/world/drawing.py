@@ -1,4 +1,4 @@
-"""Pictures of a world: floor plans, obstacles, robots, and what their lasers see, as SVG or PNG."""
+"""Pictures of a world: floor plans, obstacles, robots, what their lasers see, and their ways, as SVG or PNG."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,6 +25,8 @@ _FOOTER = 24
 """Pixels below the map, for the scale bar."""
 _GROUND, _INK, _UNKNOWN = "#ffffff", "#212121", (0.6, 0.6, 0.6)
 _TEXT = 13
+_WAYS = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#000000"
+"""Colours of ways, which people with any eyes keep apart (Okabe and Ito)."""
 
 
 class Fan(NamedTuple):
@@ -51,34 +53,49 @@ class _View(NamedTuple):
         return found
 
 
-def draw_world(world: World, path: Path, *, width: int = 1200, fans: Mapping[int, Sequence[Fan]] = {}) -> None:
-    """Draw a world into an .svg or .png file, with its robots' fans by id. Raises UsageError."""
+def draw_world(
+    world: World,
+    path: Path,
+    *,
+    width: int = 1200,
+    fans: Mapping[int, Sequence[Fan]] = {},
+    tracks: Mapping[int, Points] = {},
+) -> None:
+    """Draw a world into an .svg or .png file, with its robots' fans by id, and the ways that robots have driven.
+
+    Raises UsageError."""
     suffix = path.suffix.lower()
     if suffix not in (".svg", ".png"):
         raise UsageError(f"{path}: pictures are .svg or .png")
     if not 50 <= width <= MAX_WIDTH:
         raise UsageError(f"a picture is 50 to {MAX_WIDTH} pixels wide, not {width}")
-    view = _make_view(world, width)
+    view = _make_view(world, width, tracks)
     canvas = Svg(view.width, view.height) if suffix == ".svg" else Pixels(view.width, view.height, shrink=True)
-    _draw(canvas, view, world, fans)
+    _draw(canvas, view, world, fans, tracks)
     try:
         canvas.save(path)
     except OSError as error:
         raise UsageError(f"{path}: cannot write this picture: {error.strerror or error}") from None
 
 
-def _make_view(world: World, width: int) -> _View:
+def _make_view(world: World, width: int, tracks: Mapping[int, Points]) -> _View:
     things: list[Obstacle | Robot] = [*world.obstacles, *world.robots]
     corners = [*map(plan_corners, world.floorplans)]
     corners += [place_shape(thing.pose, shape) for thing in things for shape in thing.shapes]
-    corners.append(np.array([robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]))
-    points = np.vstack(corners)
+    corners += [np.array([robot.pose[:2]]) for robot in world.robots] + [*tracks.values()]
+    points = np.vstack(corners or [np.zeros((1, 2))])
     (left, bottom), (right, top) = (points.min(axis=0) - _MARGIN).tolist(), (points.max(axis=0) + _MARGIN).tolist()
     scale = width / (right - left)
     return _View(left, top, scale, width, min(MAX_WIDTH, math.ceil((top - bottom) * scale) + _FOOTER))
 
 
-def _draw(canvas: Svg | Pixels, view: _View, world: World, fans: Mapping[int, Sequence[Fan]]) -> None:
+def _draw(
+    canvas: Svg | Pixels,
+    view: _View,
+    world: World,
+    fans: Mapping[int, Sequence[Fan]],
+    tracks: Mapping[int, Points],
+) -> None:
     """Everything from the ground up: later things lie on top."""
     for plan in world.floorplans:
         _draw_plan(canvas, view, plan)
@@ -89,6 +106,11 @@ def _draw(canvas: Svg | Pixels, view: _View, world: World, fans: Mapping[int, Se
         for shape in obstacle.shapes:
             canvas.area(view.pixels(place_shape(obstacle.pose, shape)), _css(shape.color), _INK, 0.9)
     labels = []
+    for i, (robot_id, track) in enumerate(tracks.items()):
+        color, places = _WAYS[i % len(_WAYS)], view.pixels(track)
+        canvas.line(places, color)
+        canvas.dot(places[0], 3.0, color)
+        labels.append(([places[-1][0], places[-1][1] - 5.0], str(robot_id)))
     for robot_id, robot in enumerate(world.robots):
         for shape in sorted(robot.shapes, key=lambda shape: shape.z_max):
             canvas.area(view.pixels(place_shape(robot.pose, shape)), _css(shape.color), _INK)
