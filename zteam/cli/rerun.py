@@ -14,6 +14,7 @@ import msgspec
 
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, bus_options, run_tool
+from zteam.config.numbers import counted
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, ZteamError, log
 from zteam.names import RECORDER
@@ -101,8 +102,11 @@ def _compare(recorded: Path, made: Path) -> int:
     from zteam.record.comparing import compare
 
     found = compare(recorded, made)
-    print_line(str(found))
-    return DIFFERENT if found.difference else 0
+    if found.difference is None:
+        print_line(f"{counted(found.ticks, 'tick')}, the same")
+        return 0
+    print_line(f"the runs differ (A: {recorded}, B: this one): {found.difference.text}")
+    return DIFFERENT
 
 
 main = partial(run_tool, build_parser, _rerun, name="rerun", needs_output=False)

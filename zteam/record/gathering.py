@@ -27,6 +27,8 @@ class _Stream:
 
     def __init__(self) -> None:
         self.pending: list[tuple[str, str, bytes]] = []
+        self.held: list[Entry] = []
+        """What it has sent in the tick that it has answered, until the next tick shows whether it counts."""
         self.answered: tuple[int, int] | None = None
         """Epoch and tick of its last answer."""
         self.last: frozenset[tuple[str, str, bytes]] = frozenset()
@@ -97,8 +99,14 @@ class Gatherer:
         self.tick = tick
         self.time = ns_from_time(tick.stamp)
         self._inside = frozenset((*tick.sessions, source))
-        for gone in self._streams.keys() - self._inside:
-            yield from self._end("", self._streams.pop(gone), tick, None, self.time)
+        for session, stream in list(self._streams.items()) if is_new else ():
+            held, stream.held = stream.held, []
+            if session not in self._inside:
+                # What a process has sent in the tick in which it ended does not count.
+                del self._streams[session]
+                held += [Entry(*each[:2], self.time, each[2]) for each in stream.pending]
+                held = [each._replace(tick=0) for each in held]
+            yield from held
         if before is None or is_new or tick != before:
             yield Entry(names.TICK, Tick.ros_type, self.time, data, tick.tick)
         early, self._early = self._early, []
@@ -124,8 +132,18 @@ class Gatherer:
         first, stream.answered = stream.answered is None, answer
         sent = None if first or done.tick == 1 else done.sent
         # It may come after the next tick: its messages belong to the one that it answers.
-        yield from self._end(name, stream, tick, sent, self.time, done.tick)
-        yield Entry(names.done_key(name), Done.ros_type, self.time, data, done.tick)
+        found = [*self._end(name, stream, tick, sent, self.time, done.tick)]
+        found.append(Entry(names.done_key(name), Done.ros_type, self.time, data, done.tick))
+        if done.tick == tick.tick:
+            stream.held += found
+        else:
+            yield from found
+
+    def rest(self) -> Iterator[Entry]:
+        """At the end: the messages of the last tick."""
+        for stream in self._streams.values():
+            held, stream.held = stream.held, []
+            yield from held
 
     def _end(
         self, name: str, stream: _Stream, tick: Tick, sent: int | None, limit: int, answered: int | None = None

@@ -126,7 +126,15 @@ class Recorder:
             if is_latched(old.key):
                 self._older[old.key] = old
 
-    def write_kept(self) -> None:
+    def end(self) -> None:
+        """Write what waits until the end."""
+        self.end_history()
+        self.drain()
+        for entry in self._gatherer.rest():
+            self._put(entry, "")
+        self._write_kept()
+
+    def _write_kept(self) -> None:
         """With `last`: write what was kept, after the last messages of latched keys from before."""
         for entry in (*self._older.values(), *self._kept):
             self.writer.put(entry)
@@ -192,9 +200,7 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
             recorder.drain()
             if flush.due():
                 recorder.writer.flush()
-        recorder.end_history()
-        recorder.drain()
-        recorder.write_kept()
+        recorder.end()
         recorder.writer.finish(recorder.facts())
     except OSError as error:
         recorder.writer.abandon()

@@ -58,6 +58,10 @@ class Desk:
     def word(self, text: str, session: str = ROBOT) -> None:
         self.say(session, "robot_0/word", String(text))
 
+    def end(self) -> None:
+        """The recording ends."""
+        self.entries += self.gatherer.rest()
+
     def take(self, *keys: str) -> list[tuple[str, int, int]]:
         """Of what was recorded since the last call on these keys: key, time in ticks, tick."""
         found, self.entries = [each for each in self.entries if each.key in keys], []
@@ -87,12 +91,12 @@ def test_a_message_has_the_tick_of_its_sender(desk: Desk) -> None:
     desk.done(3, 1)
     desk.tick(4, 1)
     keys = "robot_0/odom", "robot_0/stall", "robot_0/word", "robot_0/status"
-    assert desk.take(*keys) == [
+    assert sorted(desk.take(*keys)) == [
         ("robot_0/odom", 3, 3),
-        ("robot_0/word", 3, 0),
-        ("robot_0/status", 3, 0),
-        ("robot_0/word", 3, 3),
         ("robot_0/stall", 3, 3),
+        ("robot_0/status", 3, 0),
+        ("robot_0/word", 3, 0),
+        ("robot_0/word", 3, 3),
     ]
     assert not (desk.gatherer.gaps or desk.gatherer.stray)
 
@@ -113,8 +117,36 @@ def test_what_comes_again_is_recorded_once(desk: Desk) -> None:
     desk.tick(5, 1)
     found = desk.take("robot_0/odom", "robot_0/word", "robot_0/done", "sim/tick")
     assert [each for each in found if each[0] == "robot_0/odom"] == [("robot_0/odom", n, n) for n in (3, 4, 5)]
-    assert len(found) == 3 + 1 + 1 + 3
+    # The answers to the tick before and to this one.
+    assert len(found) == 3 + 1 + 2 + 3
     assert not (desk.gatherer.gaps or desk.gatherer.stray)
+
+
+def test_what_a_process_has_sent_in_the_tick_of_its_end_belongs_to_none(desk: Desk) -> None:
+    """Whether it has answered it or not: chance says how much of that has come."""
+    desk.tick(3)
+    desk.word("in the step")
+    desk.done(3, 1)
+    desk.word("at its end")
+    # Sent again without it.
+    stamp = time_from_ns(3 * INTERVAL)
+    desk.say(SIM, "sim/tick", Tick(stamp, 1, 3, sessions=[ROBOT]))
+    desk.tick(4, listed=())
+    assert desk.take("robot_0/word", "robot_0/done") == [
+        ("robot_0/done", 2, 2),
+        ("robot_0/word", 3, 0),
+        ("robot_0/done", 3, 0),
+        ("robot_0/word", 4, 0),
+    ]
+
+
+def test_the_last_tick_is_recorded_too(desk: Desk) -> None:
+    """At the end, when no other tick follows."""
+    desk.tick(3)
+    desk.word("in the step")
+    desk.done(3, 1)
+    desk.end()
+    assert ("robot_0/word", 3, 3) in desk.take("robot_0/word")
 
 
 @pytest.mark.parametrize("lost", ["of the simulator", "of the robot"])

@@ -94,10 +94,10 @@ class Simulation:
         lockstep, engine = self.lockstep, self.engine
         if lockstep is None:
             return {}
-        now, robots = engine.now + self.world.interval, list(self.outputs)
-        out = self.faults.absent(None if self._go is None else now - self._go)
         for each in lockstep.outside.coming(engine.tick + 1):
             self._change_again(each)
+        now, robots = engine.now + self.world.interval, list(self.outputs)
+        out = self.faults.absent(None if self._go is None else now - self._go)
         came = lockstep.open(now, engine.tick + 1, robots, out)
         outside: dict[int, Twist] = {}
         for each in came:
