@@ -96,6 +96,8 @@ class LockStep:
         """The key expressions that a participant reads."""
         self._asked: dict[str, int] = {}
         """Number of the newest query that a participant has handed on, by its session."""
+        self._is_unsent = False
+        """Whether the open tick waits for `send`: a token does not send it before its data."""
         self._sent_before = 0
         """What the simulator had published when it sent the tick before (`Bus.in_ticks`)."""
         self._asking: dict[str, tuple[str, Done]] = {}
@@ -229,6 +231,7 @@ class LockStep:
             if absent := open_tick.lacks_recorded():
                 log.error("tick %d: %s took part in the run that is run again", tick, ", ".join(absent))
             open_tick.open(stamp, tick, robots, out)
+            self._is_unsent = True
             return self._carry()
 
     def _carry(self) -> list[Input]:
@@ -242,7 +245,7 @@ class LockStep:
     def send(self) -> None:
         """Send the tick that was opened."""
         with self._changed:
-            count = self._node.bus.in_ticks
+            self._is_unsent, count = False, self._node.bus.in_ticks
             self.tick.count_sent(count.sent - self._sent_before)
             self._sent_before = count.sent
             self._send_again()
@@ -267,7 +270,8 @@ class LockStep:
         return False
 
     def _send_again(self) -> None:
-        self._publisher.put_owned(self.tick.refreshed())
+        if not self._is_unsent:
+            self._publisher.put_owned(self.tick.refreshed())
 
     def _reopen(self, resend: Resend) -> None:
         with self._changed:

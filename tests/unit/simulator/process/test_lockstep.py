@@ -71,6 +71,21 @@ def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: Harne
 
 
 @pytest.mark.usefixtures("patient")
+def test_a_token_sends_no_tick_before_its_data(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A tick that is open and waits for the bodies to move is sent once, with what the simulator has published."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
+    before = len(robot.heard)
+    harness.lockstep.open(3 * INTERVAL, 3, [0])
+    ScriptedParticipant(hub, "planner").appear()
+    assert len(robot.heard) == before
+    harness.node.bus.publisher("word", String).put(String())
+    harness.lockstep.send()
+    assert [(tick.tick, tick.sent) for tick in robot.heard[before:]] == [(3, 1)]
+
+
+@pytest.mark.usefixtures("patient")
 def test_the_first_tick_of_a_process_has_what_is_latched_outside(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     """It is let in when all of that has come; what it asks once more is no answer to the tick that lists it."""
     harness, waiting, ask = new_harness("planner"), list[Callable[[], object]](), Done(0, 1, reads=["motto?latched"])
