@@ -1,13 +1,15 @@
 """Comparing two runs in lock-step by their recordings."""
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.recorded import assorted, drive, entry, write
 from zteam.errors import UsageError
 from zteam.messages import Done, LaserScan, Message, Odometry, String, Twist, Vector3, decode, encode
@@ -180,9 +182,9 @@ def test_a_run_without_ticks_is_refused(tmp_path: Path) -> None:
             compare(a, other)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(300)
 @given(data=st.data())
-def test_any_single_change_is_found(data: st.DataObject, tmp_path: Path) -> None:
+def test_any_single_change_is_found(data: st.DataObject) -> None:
     """A message of a tick that is over, which is taken away or has another bit, is the difference, in that tick."""
     run = sorted([*assorted(TICKS), *drive(TICKS)], key=lambda each: (each.tick or 1, each.key != "sim/tick"))
     places = [i for i, each in enumerate(run) if 2 <= each.tick < TICKS and each.key in ("robot_0/base_scan", "clock")]
@@ -192,6 +194,7 @@ def test_any_single_change_is_found(data: st.DataObject, tmp_path: Path) -> None
     changed[data.draw(st.integers(4, 11))] ^= data.draw(st.sampled_from([1, 2, 64]))
     other = list(run)
     other[place : place + 1] = [run[place]._replace(data=bytes(changed))] if data.draw(st.booleans()) else []
-    found = compare(write(tmp_path / "a.mcap", run), write(tmp_path / "b.mcap", other))
+    with tempfile.TemporaryDirectory() as folder:
+        found = compare(write(Path(folder) / "a.mcap", run), write(Path(folder) / "b.mcap", other))
     assert found.difference is not None
     assert (found.difference.tick, found.difference.key) == (run[place].tick, run[place].key)

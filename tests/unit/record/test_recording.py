@@ -2,6 +2,8 @@
 
 import json
 import random
+import resource
+import tempfile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,13 +12,17 @@ import mcap.writer
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos
 from rosbags.typesys import Stores, get_typestore
 
 import zteam
+from support.examples import examples
+from support.hostile import damaged
 from support.recorded import FACTS, STEP, assorted, drive, entry, write
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.messages import LaserScan, Message, Point, String, encode, float64, to_plain, uint8
 from zteam.messages.message import REGISTERED, definition_of
 from zteam.record.exporting import draw_tracks, write_copy, write_csv, write_ros2_bag
@@ -223,6 +229,36 @@ def test_what_is_no_recording_is_refused_in_a_line(tmp_path: Path, whole: Path) 
         with pytest.raises(UsageError, match=told) as error:
             list(Recording(path).entries())
         assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+@examples(400)
+@given(data=st.data())
+def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
+    """Of a damaged file all that is whole is read, or one line says that it cannot be; nothing else happens."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(Path(folder) / "run.mcap", assorted(3))
+        path.write_bytes(data.draw(damaged(st.just(path.read_bytes()))))
+        try:
+            recording = Recording(path)
+            assert recording.report.messages == len(list(recording.entries()))
+            for key in recording.topics:
+                recording.table(key)
+        except UsageError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+
+
+def test_a_disk_without_room_is_named_and_nothing_stays(tmp_path: Path, whole: Path) -> None:
+    """A copy that does not fit is no file, from its first byte to its last; the error is one line."""
+    size, again = whole.stat().st_size, tmp_path / "again.mcap"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in (10, size // 2, size - 10):
+        with pytest.raises(ZteamError, match=rf"^{again}: cannot write.*: File too large$"):
+            try:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+                write_copy(Recording(whole), again)
+            finally:
+                resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert not again.exists()
 
 
 def test_a_key_without_messages_is_named(whole: Path) -> None:
