@@ -35,6 +35,7 @@ def write_copy(recording: Recording, path: Path, *, force: bool = False) -> int:
         writer.finish(recording.end_facts or {"ticks": str(max(0, newest - 1)), "recovered": str(True)})
     except OSError as error:
         writer.abandon()
+        path.unlink()
         raise ZteamError(f"{path}: cannot write: {error.strerror}") from None
     return writer.count
 

@@ -32,7 +32,7 @@ _HEAD = struct.Struct("<BQ")
 """Of each record: its opcode, and how many bytes follow."""
 _MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time; the payload follows."""
-_BROKEN = McapError, struct.error, ValueError, zstandard.ZstdError, KeyError
+_BROKEN = McapError, struct.error, ValueError, zstandard.ZstdError, KeyError, OverflowError
 """What the reading of damaged bytes raises."""
 
 
@@ -284,22 +284,30 @@ class Recording:
         begin, end = self.facts, self.end_facts
         topics, newest = self._scanned
         robot_ids = sorted({target[0] for key in topics if (target := names.split_robot_key(key))})
+        try:
+            seed, ticks, lost = (
+                int(facts.get(name, default))
+                for facts, name, default in ((begin, "seed", 0), (end, "ticks", max(0, newest - 1)), (end, "lost", 0))
+            )
+            stray = dict(line.split(" ", 1) for line in end.get("stray", "").splitlines())
+        except ValueError:
+            raise self._damaged() from None
         start, stop = self.span
         whole = end.get("is_whole")
         return RecordingReport(
             version=begin.get("version", ""),
             command=begin.get("command", ""),
-            seed=int(begin.get("seed", "0")),
+            seed=seed,
             keys=begin.get("keys", "").split(),
             is_finished=self.is_finished,
             is_whole=None if whole is None else whole == str(True),
             lockstep=newest > 0,
-            ticks=int(end.get("ticks", max(0, newest - 1))),
+            ticks=ticks,
             seconds=(stop - start) / 1e9,
             messages=sum(topic.messages for topic in topics.values()),
-            lost=int(end.get("lost", "0")),
+            lost=lost,
             gaps=end.get("gaps", "").splitlines(),
-            stray=dict(line.split(" ", 1) for line in end.get("stray", "").splitlines()),
+            stray=stray,
             robots=[RecordedRobot(each, self._distance(each)) for each in robot_ids],
         )
 

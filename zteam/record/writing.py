@@ -48,12 +48,17 @@ class RecordingWriter:
         except OSError as error:
             raise UsageError(f"{path}: cannot write a recording: {error.strerror}") from None
         self._writer = mcap.writer.Writer(self._file, compression=mcap.writer.CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library=f"zteam {__version__}")
-        self._writer.add_metadata(FACTS, {"version": __version__, **facts})
-        for name, data in contents.items():
-            kind = "application/json" if name.endswith(".json") else "application/octet-stream"
-            self._writer.add_attachment(0, 0, name, kind, data)
-        self._file.flush()
+        try:
+            self._writer.start(profile="ros2", library=f"zteam {__version__}")
+            self._writer.add_metadata(FACTS, {"version": __version__, **facts})
+            for name, data in contents.items():
+                kind = "application/json" if name.endswith(".json") else "application/octet-stream"
+                self._writer.add_attachment(0, 0, name, kind, data)
+            self._file.flush()
+        except OSError as error:
+            self.abandon()
+            path.unlink()
+            raise UsageError(f"{path}: cannot write a recording: {error.strerror}") from None
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self.count = 0

@@ -240,8 +240,9 @@ def test_answers_that_come_before_or_behind_a_tick() -> None:
     usual, expected = gathered(run(1, 2, 3, 4, 5))
     assert not usual.gaps and ("notes", 3) in expected and ("robot_0/base_scan", 3) in expected
     early = [*run(1, 2), *answer(3), *tick(3), *tick(4), *answer(4), *run(5)]
+    hasty = [*run(1, 2), *answer(3), answer(4)[0], *tick(3), *tick(4), answer(4)[1], *run(5)]
     late = [*run(1, 2), *tick(3), *tick(4), *answer(3), *answer(4), *run(5)]
-    for samples in (early, late):
+    for samples in (early, hasty, late):
         gatherer, found = gathered(samples)
         assert sorted(found) == sorted(expected)
         assert (list(gatherer.gaps), gatherer.stray) == ([], {})

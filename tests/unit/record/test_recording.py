@@ -2,6 +2,8 @@
 
 import json
 import random
+import resource
+import tempfile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,13 +12,17 @@ import mcap.writer
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos
 from rosbags.typesys import Stores, get_typestore
 
 import zteam
+from support.examples import examples
+from support.hostile import damaged
 from support.recorded import FACTS, STEP, assorted, drive, entry, write
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.messages import LaserScan, Message, Point, String, encode, float64, to_plain, uint8
 from zteam.messages.message import REGISTERED, definition_of
 from zteam.record.exporting import draw_tracks, write_copy, write_csv, write_ros2_bag
@@ -158,6 +164,11 @@ def test_a_file_that_was_cut_is_read_up_to_there(tmp_path: Path, seed: int) -> N
             assert len(list(mcap.reader.make_reader(file).iter_messages())) == len(found)
         again = Recording(copy)
         assert again.is_finished and again.facts == recording.facts and again.contents == {"launch.json": b"{}"}
+    # A host that went down has kept a file's size, but not its last bytes.
+    path.write_bytes(data[: ends[1][0] + 100] + bytes(len(data)))
+    assert len(list(Recording(path).entries())) == ends[1][1]
+    path.write_bytes(data[: ends[1][0] + 100] + bytes(len(data) - ends[1][0] - 100))
+    assert len(list(Recording(path).entries())) == ends[1][1]
 
 
 def test_a_copy_is_the_recording(tmp_path: Path, whole: Path) -> None:
@@ -167,6 +178,8 @@ def test_a_copy_is_the_recording(tmp_path: Path, whole: Path) -> None:
     copy = Recording(tmp_path / "copy.mcap")
     assert list(copy.entries()) == list(recording.entries())
     assert (copy.facts, copy.end_facts, copy.contents) == (recording.facts, recording.end_facts, recording.contents)
+    (tmp_path / "copy.mcap").write_bytes(whole.read_bytes()[:-1])
+    assert not Recording(tmp_path / "copy.mcap").is_finished
     with pytest.raises(UsageError, match="choose another file"):
         write_copy(recording, whole, force=True)
 
@@ -193,7 +206,7 @@ def test_a_type_of_another_version_and_one_that_is_not_read(tmp_path: Path) -> N
     """The recorded definition counts, also for a type of zteam's own; one with other numbers is refused by its name."""
     path = tmp_path / "old.mcap"
     writer = RecordingWriter(path, FACTS, {}, force=False)
-    writer.define(String.ros_type, "uint8 data\n")
+    writer.define(String.ros_type, "uint8 ONE=1 # no field\nuint8 data\n")
     writer.define("far/msg/Odd", "int16 data\n")
     writer.put(entry("one", String(), 0, 0)._replace(data=b"\0\1\0\0\7"))
     writer.put(entry("two", String(), 0, 0)._replace(type="far/msg/Odd"))
@@ -216,6 +229,14 @@ def test_what_is_no_recording_is_refused_in_a_line(tmp_path: Path, whole: Path) 
     data = bytearray(whole.read_bytes())
     data[len(data) // 3] ^= 255
     damaged.write_bytes(data)
+    # Of what a chunk holds, no single bit may be another one.
+    begin = whole.read_bytes().index(b"\x04\0\0\0zstd") + 16
+    for place in range(begin, begin + 300, 7):
+        data = bytearray(whole.read_bytes())
+        data[place] ^= 1
+        damaged.write_bytes(data)
+        with pytest.raises(UsageError, match="damaged"):
+            list(Recording(damaged).entries())
     for path, told in {
         empty: "empty", text: "no MCAP file", tmp_path: "directory", tmp_path / "no": "No such file",
         foreign: "no recording of zteam", damaged: "damaged",
@@ -223,6 +244,36 @@ def test_what_is_no_recording_is_refused_in_a_line(tmp_path: Path, whole: Path) 
         with pytest.raises(UsageError, match=told) as error:
             list(Recording(path).entries())
         assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+@examples(400)
+@given(data=st.data())
+def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
+    """Of a damaged file all that is whole is read, or one line says that it cannot be; nothing else happens."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(Path(folder) / "run.mcap", assorted(3))
+        path.write_bytes(data.draw(damaged(st.just(path.read_bytes()))))
+        try:
+            recording = Recording(path)
+            assert recording.report.messages == len(list(recording.entries()))
+            for key in recording.topics:
+                recording.table(key)
+        except UsageError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+
+
+def test_a_disk_without_room_is_named_and_nothing_stays(tmp_path: Path, whole: Path) -> None:
+    """A copy that does not fit is no file, from its first byte to its last; the error is one line."""
+    size, again = whole.stat().st_size, tmp_path / "again.mcap"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in (10, size // 2, size - 10):
+        with pytest.raises(ZteamError, match=rf"^{again}: cannot write.*: File too large$"):
+            try:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+                write_copy(Recording(whole), again)
+            finally:
+                resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert not again.exists()
 
 
 def test_a_key_without_messages_is_named(whole: Path) -> None:
@@ -260,7 +311,7 @@ def test_a_picture_shows_each_way(tmp_path: Path) -> None:
 
 
 def test_what_is_no_message_is_left_out(tmp_path: Path) -> None:
-    """A payload that another program has published on a key does not hide the others."""
+    """A payload that another program has published on a key, or a message of another type, does not hide the others."""
     good = entry("robot_0/base_scan", LaserScan(), 0, 1)
-    path = write(tmp_path / "run.mcap", [good, good._replace(data=b"garbage"), good])
+    path = write(tmp_path / "run.mcap", [good, good._replace(data=b"garbage"), good, entry(good.key, String(), 0, 2)])
     assert len(Recording(path).table("robot_0/base_scan")["time_s"]) == 2

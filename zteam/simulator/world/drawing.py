@@ -26,7 +26,7 @@ _FOOTER = 24
 _GROUND, _INK, _UNKNOWN = "#ffffff", "#212121", (0.6, 0.6, 0.6)
 _TEXT = 13
 _WAYS = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#000000"
-"""Colours of ways, which people with any eyes keep apart (Okabe and Ito)."""
+"""Colours of ways: those of Okabe and Ito, which differ for colour-blind eyes too."""
 
 
 class Fan(NamedTuple):
