@@ -18,14 +18,14 @@ def type_of(name: str, definition: str) -> type[Message]:
         return known
     first, *held = definition.split(f"{RULE}\n")
     texts = {name.replace("/msg/", "/"): first}
-    for each in held:
-        head, _, text = each.partition("\n")
-        texts[head.removeprefix("MSG: ").strip()] = text
     try:
+        for each in held:
+            head, _, text = each.partition("\n")
+            texts[head.split()[-1]] = text
         made: type[Message] = _make(name.replace("/msg/", "/"), texts)
         # It looks at the fields of all types that it holds.
         definition_of(made)
-    except (UsageError, ValueError, TypeError, RecursionError):
+    except (UsageError, ValueError, TypeError, IndexError, RecursionError):
         raise UsageError(f"{name} is not installed here, and has fields that zteam does not read") from None
     return made
 
