@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, add_option, bus_options, run_tool
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, ZteamError, log
@@ -34,7 +34,8 @@ def build_parser() -> Parser:
     parser.add_argument("--in-process", action="store_true", help="run the whole team in this process")
     parser.add_argument("--bus", action="store_true", help="open a team with --in-process to tools, at a router")
     parser.add_argument("--team", metavar="FILE", help="give the same inputs to this team instead")
-    parser.add_argument("--pause-at", type=int, metavar="TICK", help="pause after this tick, for tools and the page")
+    text = "pause after this tick, for tools and the page"
+    add_option(parser, "--pause-at", typed=(1, 10**12, "a tick"), metavar="TICK", help=text)
     parser.add_argument("--keep", type=Path, metavar="FILE.mcap", help="keep the recording of the second run")
     add_go_timeout_option(parser)
     add_bus_options(parser)

@@ -101,10 +101,11 @@ class _Run:
     def ticks(self) -> Iterator[tuple[Number, Found]]:
         """Each tick and what was published in it.
 
-        Left out are the first tick, which is held until all have joined, and those that were not over.
+        Left out are those that were not over, and of the first tick, which is held until all have joined, all but the
+        commands.
         """
         opened: dict[int, Found] = {}
-        world, newest, over = 0, 0, 1
+        world, newest, over = 0, 0, 0
 
         def close(last: int) -> Iterator[tuple[Number, Found]]:
             nonlocal over
@@ -121,11 +122,15 @@ class _Run:
                     # The world begins anew.
                     yield from close(newest - 1)
                     opened.clear()
-                    world, over = world + 1, 1
+                    world, over = world + 1, 0
                 newest = number
-            if number > 1 and (content := _repeated(key, data)) is not None:
+            is_command = names.process_of(key, names.DONE) is not None
+            if (number > 1 or is_command) and (content := _repeated(key, data)) is not None:
                 self.types[key] = kind
                 found = opened.setdefault(max(number, over + 1), {}).setdefault(key, [])
+                if number == 1:
+                    # The answer to GO replaces those before.
+                    found.clear()
                 # A tick is sent again where another session joins.
                 if key != names.TICK or content not in found:
                     found.append(content)
