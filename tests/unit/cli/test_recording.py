@@ -34,7 +34,7 @@ def test_info_says_what_a_file_holds(run: Run) -> None:
 
 def test_the_exit_code_of_compare(run: Run) -> None:
     """0 for the same run, 1 with the first difference for another one, 2 where nothing could be compared."""
-    assert run("zteam recording compare a.mcap b.mcap").out.startswith("the same: 6 ticks, 30 messages on 5 topics\n")
+    assert run("zteam recording compare a.mcap b.mcap").out.startswith("the same: 7 ticks, 32 messages on 5 topics\n")
     other = run("zteam recording compare a.mcap cut.mcap", 1).out
     assert other.startswith("tick 6: sim/tick of sim is in A alone\n") and "cut.mcap was cut off" in other
     found = json.loads(run("zteam recording compare a.mcap cut.mcap --json", 1).out)
