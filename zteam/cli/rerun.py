@@ -47,15 +47,16 @@ def build_parser() -> Parser:
 def _rerun(args: argparse.Namespace) -> int:
     from zteam.record.again import read_run
     from zteam.simulator.recorded_ticks import write_ticks
-    from zteam.team.file.reading import load_team
+    from zteam.team.file.reading import read_team_file
+    from zteam.team.launch.check import check_team
     from zteam.team.launch.plan import with_recording
     from zteam.team.launch.recorded import restore
     from zteam.team.run.again import end_again
     from zteam.version import __version__
 
     run = read_run(args.file)
-    if (version := run.facts.get("version")) != __version__:
-        log.warning("%s is of zteam %s, and this is %s", args.file, version, __version__)
+    if run.version != __version__:
+        log.warning("%s is of zteam %s, and this is %s", args.file, run.version, __version__)
     with tempfile.TemporaryDirectory() as folder:
         try:
             launch, changed = restore(run.contents, Path(folder))
@@ -64,20 +65,24 @@ def _rerun(args: argparse.Namespace) -> int:
         for name in changed:
             log.warning("the source of %s is another one than that of the recording", name)
         if args.team:
+            file = read_team_file(find_team(args.team))
+            world = check_team(file)
             launch = msgspec.structs.replace(
-                launch, team=load_team(find_team(args.team)), team_file=find_team(args.team)
+                launch, team=file.team, team_file=file.path, world=world and world.resolve()
             )
-        took_part = frozenset[str]().union(*(each.members for each in run.by_number.values()))
+        if args.in_process and not args.bus and launch.team.nodes:
+            raise UsageError("a node is a process, which cannot reach a team in one process: say --bus too")
+        took_part = frozenset[str]().union(*(each.members for each in run.ticks.values()))
         if unknown := took_part - {*launch.participants, RECORDER}:
             raise UsageError(f"{args.file}: cannot be run again: {', '.join(sorted(unknown))} joined by hand")
         ticks, made = Path(folder, "ticks"), args.keep or Path(folder, "again.mcap")
-        write_ticks(ticks, run.ticks)
+        write_ticks(ticks, run.sent)
         pace = msgspec.structs.replace(launch.pace, speed=None, paused=False, recorded=ticks, pause_at=args.pause_at)
         faults = tuple(filter(launch.is_simulated, launch.faults))
         launch = msgspec.structs.replace(launch, pace=pace, run_for=None, until=run.last + 1, faults=faults)
         launch = with_recording(launch, made, shlex.join(["zteam", *sys.argv[1:]]), force=False)
         try:
-            code = _run(launch, args, lambda team: end_again(team, run.by_number))
+            code = _run(launch, args, lambda team: end_again(team, run.ticks))
         except ZteamError as error:
             # Not 1, which says that the runs differ.
             raise UsageError(str(error)) from None

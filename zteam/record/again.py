@@ -3,62 +3,54 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-
 from zteam import names
 from zteam.errors import UsageError
 from zteam.messages import Tick, decode
-from zteam.record.writing import FACTS
+from zteam.record.recording import Recording
 from zteam.simulator.recorded_ticks import RecordedTick, recorded_ticks
 
 
 class RecordedRun(NamedTuple):
     """A run in lock-step from its first tick on."""
 
-    facts: dict[str, str]
+    version: str
+    """Of the zteam that has recorded it."""
     contents: dict[str, bytes]
     """The attachments, by name."""
-    ticks: list[bytes]
-    """The messages of `sim/tick`; the last one of each tick holds."""
-    last: int
-    """The number of the last tick."""
-    by_number: dict[int, RecordedTick]
+    sent: list[bytes]
+    """The messages of `sim/tick`, in order."""
+    ticks: dict[int, RecordedTick]
+    """By number."""
+
+    @property
+    def last(self) -> int:
+        """The number of the last tick."""
+        return max(self.ticks)
 
 
 def read_run(path: Path) -> RecordedRun:
     """Raises UsageError for what cannot be run again, with the reason."""
-    facts, contents, ticks = dict[str, str](), dict[str, bytes](), list[bytes]()
-    try:
-        with path.open("rb") as file:
-            reader = make_reader(file)
-            for metadata in reader.iter_metadata():
-                facts |= metadata.metadata if metadata.name == FACTS else {}
-            contents = {each.name: each.data for each in reader.iter_attachments()}
-            for _, _, message in reader.iter_messages(topics=[f"/{names.TICK}"]):
-                ticks.append(message.data)
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from None
-    except McapError as error:
-        raise UsageError(f"{path}: cannot be read as a recording: {error}") from None
-    if not ticks:
-        raise UsageError(f"{path}: cannot be run again: {_why_not(facts)}")
-    if facts.get("is_whole") != "True":
-        raise UsageError(f"{path}: cannot be run again: {facts.get('gaps', 'it does not begin with the first tick')}")
-    if stray := facts.get("stray"):
-        raise UsageError(f"{path}: cannot be run again: published outside of a step: {stray}")
-    if last := facts.get("last"):
-        raise UsageError(f"{path}: cannot be run again: it has the last {last} s alone")
+    recording = Recording(path)
+    sent = [entry.data for entry in recording.entries(names.TICK) if entry.tick]
+    read = [decode(Tick, each) for each in sent]
+    if reason := _why_not(recording, [each.tick for each in read]):
+        raise UsageError(f"{path}: cannot be run again: {reason}")
+    return RecordedRun(recording.facts["version"], recording.contents, sent, recorded_ticks(read))
+
+
+def _why_not(recording: Recording, numbers: list[int]) -> str:
+    """Why it cannot be run again; empty if it can."""
+    facts, end = recording.facts, recording.end_facts
     if facts.get("keys"):
-        raise UsageError(f"{path}: cannot be run again: of its keys only {facts['keys']} were recorded")
-    read = [decode(Tick, each) for each in ticks]
-    numbers = [each.tick for each in read]
+        return f"of its keys only {facts['keys']} were recorded"
+    if "last" in facts:
+        return f"it has the last {facts['last']} s alone"
+    if not numbers:
+        return "it is of real time, and only lock-step repeats (zteam up --lockstep --record)"
+    if numbers[0] != 1:
+        return "it began in the middle of the run"
     if numbers != sorted(numbers):
-        raise UsageError(f"{path}: cannot be run again: its world was put back to the start")
-    return RecordedRun(facts, contents, ticks, numbers[-1], recorded_ticks(read))
-
-
-def _why_not(facts: dict[str, str]) -> str:
-    if "version" not in facts:
-        return "zteam has not recorded it"
-    return "it is of real time, and only lock-step repeats (zteam up --lockstep --record)"
+        return "its world was put back to the start"
+    if stray := end.get("stray"):
+        return f"a process published outside of its steps: {stray}"
+    return end.get("gaps", "")
