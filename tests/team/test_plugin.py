@@ -57,10 +57,10 @@ def test_hangs(team):
     team.wait_for_processes("sim", "robot_0")
     team.pause_process("robot_0")
     # Programs without zteam in them.
-    team.spawn("sh", "-c", "sleep 1000 & echo $!; wait", name="recorder")
-    team.wait_for(lambda: team.lines("recorder"))
-    pids = [team.pid(name) for name in ("router", "sim", "robot_0", "recorder")]
-    Path("pids").write_text(" ".join([*map(str, pids), *team.lines("recorder")]))
+    team.spawn("sh", "-c", "sleep 1000 & echo $!; wait", name="helper")
+    team.wait_for(lambda: team.lines("helper"))
+    pids = [team.pid(name) for name in ("router", "sim", "robot_0", "helper")]
+    Path("pids").write_text(" ".join([*map(str, pids), *team.lines("helper")]))
     END
 """
 

@@ -42,7 +42,7 @@ def test_the_lectures_line_drives_through_willow(tmp_path: Path) -> None:
 def test_no_process_outlives_the_launcher(tmp_path: Path, number: signal.Signals) -> None:
     """However the launcher ends, all its processes end too, a program of the team file with all that it has started; a
     signal that the launcher handles ends it with exit code 0."""
-    node = '[[nodes]]\nname = "recorder"\ncommand = ["sh", "-c", "sleep 1000 & wait"]\n'
+    node = '[[nodes]]\nname = "helper"\ncommand = ["sh", "-c", "sleep 1000 & wait"]\n'
     (tmp_path / "team.toml").write_text(f'include = ["arena.toml"]\n{node}')
     launcher = subprocess.Popen(
         zteam_command("zteam", "up", "team.toml", "--lockstep"),

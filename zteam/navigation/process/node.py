@@ -156,6 +156,8 @@ class NavigationNode:
             if was_paused:
                 robot.navigator.rest()
             robot.step(now, self._tick_length, team)
+        for robot in self._robots.values():
+            robot.show_costmaps(now)
 
     def run(self) -> None:
         for claim in self._claims:

@@ -147,6 +147,9 @@ class Outputs:
         if self._footprint.has_subscribers:
             corners = [messages.Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
             self._footprint.put_owned(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
+
+    def show_costmaps(self, now: int, costmaps: Costmaps) -> None:
+        """Send those that are due."""
         self._global.show(now, costmaps.whole)
         self._local.show(now, costmaps.local)
 

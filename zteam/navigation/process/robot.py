@@ -26,6 +26,8 @@ class RobotNavigation:
 
     def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
         self.inputs, self.outputs = inputs, outputs
+        self._is_placed = False
+        """Whether the last step knew where it is."""
         self._parameters, self._seed, self._limits = parameters, seed, parameters.limits
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, parameters.make_controller(inputs.base))
@@ -88,6 +90,12 @@ class RobotNavigation:
             self.outputs.show(now, self.navigator, None if here is None else here.pose, self._costmaps)
         self.outputs.tell(now, self.navigator)
         self.outputs.log(self.navigator)
+        self._is_placed = here is not None
+
+    def show_costmaps(self, now: int) -> None:
+        """Let others look at the costmaps, which are large: all that robots drive by leaves before."""
+        if self._costmaps is not None and self._is_placed:
+            self.outputs.show_costmaps(now, self._costmaps)
 
     def _take_initial_pose(self) -> None:
         message = self.inputs.newest.pop(names.INITIAL_POSE, None)

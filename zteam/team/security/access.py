@@ -86,6 +86,7 @@ _PARTS = {
     names.MONITOR: Rights((names.TEAM_STATUS,)),
     names.LAUNCHER: Rights(answers=(f"{names.LAUNCHER}/*",)),
     names.VIEW: Rights(),
+    names.RECORDER: Rights(),
     OPERATOR: Rights(asks=(_RELEASE,)),
     kinds.ROBOT: Rights(
         _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, _SAFETY, *_STOPS)
@@ -139,7 +140,7 @@ CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks i
 
 def rights_of(team: Team) -> dict[str, Rights]:
     simulated = team.team.world != NO_WORLD
-    processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
+    processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, names.RECORDER, OPERATOR]
     ids = [robot.id for robot in team.robots]
     navigated = [robot.id for robot in team.robots if navigation_of(robot) is not None]
     processes += [names.SIMULATOR] if simulated else [names.MAP_SERVER, *map(names.base_name, ids)]

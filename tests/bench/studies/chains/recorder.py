@@ -14,7 +14,7 @@ from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Bool, Odometry, RobotStatus
 from zteam.node.node import Node, run
 
-NAME = "recorder"
+NAME = "tracks"
 
 
 class Moment(msgspec.Struct, array_like=True):

@@ -50,9 +50,8 @@ def test_a_costmap_is_sent_at_its_frequency_and_once_at_0(frequency: float, coun
     parameters = Parameters(local_window=WindowOptions(publish_frequency=frequency))
     outputs = Outputs(Node("nav_0", hub.bus(), Stop()), 0, parameters)
     costmaps = Costmaps(parameters, DEFAULT_BASE, make_map(np.zeros((9, 9), np.int8), 0.1))
-    navigator: Any = SimpleNamespace(path=None)
     for tick in range(50):
-        outputs.show(to_ns(0.1 * tick), navigator, Pose2(0.0, 0.0, 0.0), costmaps)
+        outputs.show_costmaps(to_ns(0.1 * tick), costmaps)
     assert sizes == [60] * count
 
 
