@@ -15,7 +15,7 @@ def team(**tables: object) -> Team:
 
 def test_each_process_of_a_team_has_a_certificate() -> None:
     """Simulated robots have no base, real ones have no simulator."""
-    common = {"router", "tf", "monitor", "up", "view", "operator", "robot_0", "robot_1", "nav_1"}
+    common = {"router", "tf", "monitor", "up", "view", "recorder", "operator", "robot_0", "robot_1", "nav_1"}
     node = {"name": "near", "command": ["near"]}
     assert rights_of(team(nodes=[node])).keys() == {*common, "sim", "near"}
     assert rights_of(team(team={"world": "none"})).keys() == {*common, "map", "base_0", "base_1"}
