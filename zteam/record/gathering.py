@@ -8,7 +8,7 @@ import hashlib
 import struct
 from collections import deque
 from collections.abc import Iterable, Iterator, Set
-from functools import cache
+from functools import cache, lru_cache
 
 from zteam import names
 from zteam.bus.transport import RawSample
@@ -67,9 +67,10 @@ class Gatherer:
             if key == names.CLOCK:
                 self.time = _stamp_of(Clock.ros_type, sample.payload) or self.time
         elif source in self._inside:
-            if (name := names.process_of(key, names.DONE)) is not None:
+            name, is_counted = _part_of(key)
+            if name is not None:
                 return self._on_done(name, sample.payload, source)
-            if is_in_ticks(key):
+            if is_counted:
                 self._streams.setdefault(source, _Stream()).pending.append((key, _type_of(sample), sample.payload))
                 return ()
         return [self.beside(sample)]
@@ -179,6 +180,12 @@ class Gatherer:
         found = hashlib.sha256(b"".join(self._truth[key] for key in sorted(self._truth))).hexdigest()
         self._truth.clear()
         return Entry(TRUTH, String.ros_type, ns_from_time(tick.stamp), encode(String(found)), tick.tick)
+
+
+@lru_cache(maxsize=4096)
+def _part_of(key: str) -> tuple[str | None, bool]:
+    """The process whose answers a key carries, and whether what is published on it belongs to ticks."""
+    return names.process_of(key, names.DONE), is_in_ticks(key)
 
 
 def _type_of(sample: RawSample) -> str:
