@@ -20,6 +20,8 @@ from zteam.record.writing import Entry
 TRUTH = names.service_key(names.RECORDER, "ground_truth_sha256")
 """A key of the recording alone: of each tick, the hash of all ground truth."""
 _STAMP = struct.Struct("<iI")
+_EARLIER_DONE = 76
+"""Bytes of an answer without `sent` and what follows, as processes of other programs may send it."""
 
 
 class _Stream:
@@ -130,6 +132,9 @@ class Gatherer:
             # The tick has come again, and so has what was sent in it.
             stream.pending.clear()
             return
+        if len(data) <= _EARLIER_DONE:
+            # It does not say what it reads, so what comes from outside comes to it past the ticks.
+            self.stray.setdefault(name, names.done_key(name))
         first, stream.answered = stream.answered is None, answer
         sent = None if first or done.tick == 1 else done.sent
         # It may come after the next tick: its messages belong to the one that it answers.

@@ -171,6 +171,14 @@ def test_a_process_that_publishes_between_its_steps_is_named(desk: Desk) -> None
     assert desk.gatherer.stray == {"robot_0": "robot_0/word"}
 
 
+def test_a_process_that_does_not_say_what_it_reads_is_named(desk: Desk) -> None:
+    """Its answers end behind the command."""
+    desk.tick(3)
+    short = encode(Done(1, 3))[:76]
+    desk.entries += desk.gatherer.take(RawSample("robot_0/done", short, "", source=ROBOT))
+    assert desk.gatherer.stray == {"robot_0": "robot_0/done"}
+
+
 def test_each_tick_has_a_hash_of_its_ground_truth(desk: Desk) -> None:
     """Equal where the ground truth is."""
     key = "robot_0/base_pose_ground_truth"
