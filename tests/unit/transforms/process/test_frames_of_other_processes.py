@@ -4,7 +4,7 @@ from itertools import groupby
 
 import pytest
 
-from support.in_process_team import ROBOTS, InProcessTeam
+from support.in_process_team import ROBOTS, InProcessTeam, TeamOptions
 from support.lockstep_doubles import INTERVAL
 from support.transforms import stamped
 from zteam import names
@@ -30,19 +30,15 @@ def test_it_travels_in_the_bundle_of_the_next_tick(first: str) -> None:
     """Each tick has one bundle, which holds the frame as of the tick before, whichever process hears the tick first. It
     does not stand in for a base.
     """
-    team = InProcessTeam()
-    if first == "aggregator":
-        Carrot(team.hub.bus())
+    # In a staggered team no process is there yet.
+    team = InProcessTeam(TeamOptions(staggered=first == "carrot"))
+    Carrot(team.hub.bus())
     bundles: list[dict[str, int]] = []
     team.bus.subscribe(
         names.TF,
         TFMessage,
         lambda _, message: bundles.append({t.child_frame_id: ns_from_time(t.header.stamp) for t in message.transforms}),
     )
-    if first == "carrot":
-        team.end("tf")
-        Carrot(team.hub.bus())
-        team.bring(["tf"])
     with team:
         team.finish()
     # Before its first tick the aggregator does not know of lock-step. A tick that comes again brings its bundle again.
