@@ -7,7 +7,7 @@ import zteam
 from zteam import names
 from zteam.record.comparing import compare
 
-CONTENT = ""
+CONTENT = "b66cd547e216e15c93d86715561d24f2dd9a7a367e82d973769c864064b8515b"
 """SHA-256 of key, tick and bytes of all that processes publish in the ticks of the run below."""
 
 
