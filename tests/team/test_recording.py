@@ -31,6 +31,18 @@ def main(node: Node) -> None:
 
     node.run(step)
 """
+RESTLESS = """
+import time
+from zteam import Behavior
+from zteam.messages import Twist, Vector3
+
+class Restless(Behavior):
+    count = 0
+
+    def step(self, view):
+        self.count += 1
+        return Twist(Vector3(0.1 + time.time() % 1e-3)) if self.count > 5 else Twist(Vector3(0.1))
+"""
 
 
 def zteam(*words: str | Path) -> "subprocess.CompletedProcess[str]":
@@ -157,3 +169,16 @@ def test_a_recorder_that_is_killed_stops_nobody_else(team: TeamFixture) -> None:
     team.run(1.0)
     assert team.tick > before
     assert not Recording(team.recording).report.is_finished
+
+
+def test_a_behavior_that_reads_the_clock_differs_at_its_command(empty_folder: Path) -> None:
+    """The first difference is what it commands, in the tick in which it does so."""
+    (empty_folder / "restless.py").write_text(RESTLESS)
+    (empty_folder / "team.toml").write_text(
+        '[team]\nworld = "arena"\n[[robots]]\nid = 1\nbehavior = "restless:Restless"\n'
+    )
+    made = zteam("up", "team.toml", "--lockstep", "--until", "9", "--record", "run.mcap", "--in-process")
+    assert made.returncode == 0, made.stderr
+    again = zteam("rerun", "run.mcap", "--in-process")
+    assert again.returncode == 1, again.stdout + again.stderr
+    assert "tick 6: robot_1/cmd_vel of robot_1: linear.x is " in again.stdout

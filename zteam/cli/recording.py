@@ -81,7 +81,8 @@ def _state(report: RecordingReport, path: Path) -> str:
     if not report.is_finished:
         return f"{text}; it was cut off: 'zteam recording recover {quote(str(path))}' makes it whole for other readers"
     if report.lockstep and report.is_whole is not None:
-        text += "; all messages of each tick" if report.is_whole else "; messages are missing"
+        missing = "messages are missing" if report.gaps else "it began in the middle of the run"
+        text += f"; {'all messages of each tick' if report.is_whole else missing}"
     return text
 
 

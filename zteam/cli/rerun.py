@@ -17,7 +17,7 @@ from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, ad
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, ZteamError, log
-from zteam.names import RECORDER
+from zteam.names import RECORDER, TICK
 from zteam.node.output import print_line
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _rerun(args: argparse.Namespace) -> int:
         # A pause is ended by hand.
         if code and (args.pause_at is None or code != INTERRUPTED):
             return NOT_RUN
-        return _compare(args.file, made)
+        return _compare(args.file, made, is_part=args.pause_at is not None)
 
 
 def _run(launch: "TeamLaunch", args: argparse.Namespace, on_start: "Callable[[TeamRun], None]") -> int:
@@ -104,10 +104,13 @@ def _run(launch: "TeamLaunch", args: argparse.Namespace, on_start: "Callable[[Te
         return run_launch(launch, bus_options(args), args, parent, on_start)
 
 
-def _compare(recorded: Path, made: Path) -> int:
+def _compare(recorded: Path, made: Path, *, is_part: bool) -> int:
+    """Print how they compare; `is_part`: the second run may have ended earlier. The exit code."""
     from zteam.record.comparing import compare
+    from zteam.record.recording import Recording
 
-    found = compare(recorded, made)
+    last = max((entry.tick for entry in Recording(made).entries(TICK)), default=0)
+    found = compare(recorded, made, until=last if is_part else None)
     if found.difference is None:
         print_line(f"{counted(found.ticks, 'tick')}, the same")
         return 0

@@ -155,12 +155,18 @@ def _repeated(key: str, data: bytes) -> bytes | None:
 
 
 def compare(
-    a: Path, b: Path, atol: float = 0.0, ignore: tuple[str, ...] = (), on_tick: Callable[[int], object] | None = None
+    a: Path,
+    b: Path,
+    atol: float = 0.0,
+    ignore: tuple[str, ...] = (),
+    on_tick: Callable[[int], object] | None = None,
+    until: int | None = None,
 ) -> Comparison:
     """Compare two recordings of runs in lock-step.
 
     Numbers may differ by `atol` in their own units. `ignore` are key expressions. `on_tick(tick)` is called after each
-    tick. Where several processes may publish a key, the order of its messages within a tick does not matter. The
+    tick; the comparison ends before tick `until`. Where several processes may publish a key, the order of its messages
+    within a tick does not matter. The
     comparison ends with the shorter recording. Raises UsageError for what is no recording, or one without ticks.
     """
     runs = _Run(a, ignore), _Run(b, ignore)
@@ -168,6 +174,8 @@ def compare(
     first: Difference | None = None
     ticks = 0
     for (_, tick), of_a, of_b in _paired(runs[0].ticks(), runs[1].ticks()):
+        if until is not None and tick >= until:
+            break
         ticks += 1
         for key in of_a.keys() | of_b.keys():
             topic = topics.get(key) or topics.setdefault(key, ComparedTopic(key))
