@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
+from zteam import Recording
 from zteam.team.testing.team import TeamFixture
 from zteam.team.testing.watch import TeamFailure
 
@@ -208,3 +209,24 @@ def test_lines_are_live_without_capture(pytester: pytest.Pytester, option: str) 
     lines = [line for line in before if "behaviour " in line]
     assert len(lines) == (option == "-s")
     assert all(line.count("[robot_0]") == 1 for line in lines)
+
+
+def test_the_recordings_of_tests_that_fail_are_kept(pytester: pytest.Pytester) -> None:
+    """With `--zteam-record`, and the failure has the path; the file is whole."""
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.parametrize("fails", [False, True])
+        def test_drives(team, fails):
+            team.start("arena", robots=1, in_process=True)
+            team.wait_for_go()
+            team.run(1.0)
+            assert not fails
+        """
+    )
+    result = pytester.runpytest_subprocess("--zteam-record")
+    result.assert_outcomes(passed=1, failed=1)
+    (kept,) = (pytester.path / "recordings").iterdir()
+    assert str(kept) in result.stdout.str()
+    assert Recording(kept).report.is_finished
