@@ -6,7 +6,7 @@ In lock-step `zteam.testing.run_node` does this.
 from collections.abc import Callable, Iterator
 
 import zteam
-from zteam.node.node import Step
+from zteam.node.steps import Step
 
 
 def play(node: zteam.Node, step: Step, script: Iterator[None], *, period: float = 0.1, gate: bool = False) -> None:

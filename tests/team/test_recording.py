@@ -101,14 +101,14 @@ def end_and_come_back(team: TeamFixture) -> None:
 
 
 @pytest.mark.gate
-@pytest.mark.parametrize("act", [drive_from_outside, end_and_come_back])
-@pytest.mark.parametrize("in_process", [False, True])
+# A thread cannot be killed.
+@pytest.mark.parametrize(
+    ("act", "in_process"), [(drive_from_outside, False), (drive_from_outside, True), (end_and_come_back, False)]
+)
 def test_a_run_is_run_again(
     team: TeamFixture, empty_folder: Path, act: Callable[[TeamFixture], None], *, in_process: bool
 ) -> None:
     """Fed from its recorded ticks alone, in processes and in one process, it is the same in each tick and message."""
-    if in_process and act is end_and_come_back:
-        pytest.skip("a thread cannot be killed")
     (empty_folder / "witness.py").write_text(WITNESS)
     nodes = dict.fromkeys(("ann", "bob"), "witness:main")
     options = {"params": {0: {"speed": 0.1}}} if act is drive_from_outside else {"follow": {1: 0}}

@@ -8,7 +8,8 @@ from zteam.errors import log
 from zteam.messages import OccupancyGrid
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.maps import map_message
-from zteam.node.node import Node, NoSteps
+from zteam.node.node import Node
+from zteam.node.steps import NoSteps
 
 
 def run_map_server(node: Node, grid: GridMap, source: str) -> None:

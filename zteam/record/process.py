@@ -16,8 +16,9 @@ from zteam.config.numbers import counted
 from zteam.errors import ZteamError, log
 from zteam.messages.topics import is_latched, is_measured
 from zteam.node.lockstep import TickState
-from zteam.node.node import Due, Node, NoSteps
+from zteam.node.node import Node
 from zteam.node.process_options import RecorderOptions
+from zteam.node.steps import Due, NoSteps
 from zteam.record.gathering import Gatherer
 from zteam.record.writing import Entry, RecordingWriter
 

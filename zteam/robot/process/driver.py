@@ -9,9 +9,10 @@ from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import UsageError, log
 from zteam.messages import RobotDriver, Twist
-from zteam.node.node import Due, Node
+from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
+from zteam.node.steps import Due
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Reason

@@ -15,9 +15,10 @@ from zteam.errors import BusError, log
 from zteam.messages import BaseInfo, LaserScan, Message, NavigationState, Odometry, RobotState, TFMessage, Tick, Twist
 from zteam.messages.geometry_msgs import bases_stamp
 from zteam.messages.topics import is_latched
-from zteam.node.node import Due, Node
+from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport
+from zteam.node.steps import Due
 from zteam.node.tokens import CertainTokens, TokenSet
 from zteam.robot.behaviors.behavior import Behavior, DeclaredInput, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query

@@ -11,8 +11,9 @@ from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
 from zteam.errors import log
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
-from zteam.node.node import Due, Node
+from zteam.node.node import Node
 from zteam.node.process_options import AggregatorOptions
+from zteam.node.steps import Due
 from zteam.node.tokens import CertainTokens, TokenSet
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.transforms.merge import MAX_APART, Merger, base_stamp
