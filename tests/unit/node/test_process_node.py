@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from support.limits import LIMIT
 from zteam.bus import MemoryHub
-from zteam.clock import wait_until
 from zteam.errors import BusError
 from zteam.messages import String
 from zteam.node import process_node as module
@@ -33,22 +32,22 @@ class Waiter:
 
     def __init__(self, node: ProcessNode, heard: list[str], word: str) -> None:
         self._node, self._heard, self._word = node, heard, word
-        self.looks = 0
+        self._has_looked = threading.Event()
         self.threads: set[threading.Thread] = set()
         """Which of them looked."""
         self.thread = threading.Thread(target=self._wait)
         self.thread.start()
+        assert self._has_looked.wait(LIMIT)
         with node.changed:
-            assert wait_until(node.changed, lambda: self.looks > 0, LIMIT)
+            # It looks with the lock, and waits when that is free.
+            pass
 
     def _wait(self) -> None:
         assert self._node.wait(self._is_heard, LIMIT)
 
     def _is_heard(self) -> bool:
-        self.looks += 1
         self.threads.add(threading.current_thread())
-        if self.looks == 1:
-            self._node.changed.notify_all()
+        self._has_looked.set()
         return self._word in self._heard
 
 
