@@ -78,6 +78,8 @@ def _state(report: RecordingReport, path: Path) -> str:
     text = f"{pace}, {counted(report.seconds, 'second')}, {counted(report.messages, 'message')}"
     if report.lost:
         text += f", {report.lost} more are lost"
+    if report.missed:
+        text += f", of {counted(report.missed, 'tick')} no clock has come"
     if not report.is_finished:
         return f"{text}; it was cut off: 'zteam recording recover {quote(str(path))}' makes it whole for other readers"
     if report.lockstep and report.is_whole is not None:

@@ -6,6 +6,7 @@ tick says how many belong to that tick, and `sim/tick` how many the simulator ha
 
 import hashlib
 import struct
+import sys
 from collections import deque
 from collections.abc import Iterable, Iterator, Set
 from functools import cache, lru_cache
@@ -48,6 +49,10 @@ class Gatherer:
         self.tick: Tick | None = None
         """The newest one of lock-step."""
         self.ticks = 0
+        self.missed = 0
+        """Real time: ticks of which no clock has come."""
+        self._interval = sys.maxsize
+        """The shortest time between two of them (ns)."""
         self.is_whole = True
         """Whether it has come to the first tick."""
         self.gaps: deque[str] = deque(maxlen=100)
@@ -67,7 +72,7 @@ class Gatherer:
             return self._on_tick(sample.payload, source)
         if self.tick is None:
             if key == names.CLOCK:
-                self.time = _stamp_of(Clock.ros_type, sample.payload) or self.time
+                self._on_clock(_stamp_of(Clock.ros_type, sample.payload))
         elif source in self._inside:
             name, is_counted = _part_of(key)
             if name is not None:
@@ -76,6 +81,13 @@ class Gatherer:
                 self._streams.setdefault(source, _Stream()).pending.append((key, _type_of(sample), sample.payload))
                 return ()
         return [self.beside(sample)]
+
+    def _on_clock(self, stamp: int) -> None:
+        """Real time: the clock, one message a tick, shows how many ticks have not come."""
+        passed, self.time = stamp - self.time, stamp
+        if 0 < passed < stamp:
+            self._interval = min(self._interval, passed)
+            self.missed += round(passed / self._interval) - 1
 
     def beside(self, sample: RawSample) -> Entry:
         """A message that belongs to no tick."""

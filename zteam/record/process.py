@@ -163,6 +163,7 @@ class Recorder:
             "ticks": str(gathered.ticks),
             "is_whole": str(gathered.is_whole and not gathered.gaps),
             "lost": str(self.lost),
+            "missed": str(gathered.missed),
         }
         if gathered.gaps:
             found["gaps"] = "\n".join(gathered.gaps)
@@ -173,6 +174,10 @@ class Recorder:
     def gap(self) -> str:
         """The first message that has not come, in words; empty if all have."""
         return self._gatherer.gaps[0] if self._gatherer.gaps else ""
+
+    @property
+    def missed(self) -> int:
+        return self._gatherer.missed
 
     @property
     def stray(self) -> dict[str, str]:
@@ -210,6 +215,8 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
         ) from None
     for name, key in recorder.stray.items():
         log.warning("%s publishes %s outside of its steps: such a run does not repeat", name, key)
+    if recorder.missed:
+        log.warning("of %s no clock has come: messages may be lost", counted(recorder.missed, "tick"))
     if recorder.lost:
         log.warning("%s could not be written in time, and are lost", counted(recorder.lost, "message"))
     if gap := recorder.gap():

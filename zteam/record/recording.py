@@ -74,6 +74,8 @@ class RecordingReport(msgspec.Struct, kw_only=True):
     messages: int
     lost: int
     """Messages that came faster than they could be written."""
+    missed: int
+    """Real time: ticks of which no clock has come."""
     gaps: list[str]
     """Messages that have not come, in words."""
     stray: dict[str, str]
@@ -285,9 +287,14 @@ class Recording:
         topics, newest = self._scanned
         robot_ids = sorted({target[0] for key in topics if (target := names.split_robot_key(key))})
         try:
-            seed, ticks, lost = (
+            seed, ticks, lost, missed = (
                 int(facts.get(name, default))
-                for facts, name, default in ((begin, "seed", 0), (end, "ticks", max(0, newest - 1)), (end, "lost", 0))
+                for facts, name, default in (
+                    (begin, "seed", 0),
+                    (end, "ticks", max(0, newest - 1)),
+                    (end, "lost", 0),
+                    (end, "missed", 0),
+                )
             )
             stray = dict(line.split(" ", 1) for line in end.get("stray", "").splitlines())
         except ValueError:
@@ -306,6 +313,7 @@ class Recording:
             seconds=(stop - start) / 1e9,
             messages=sum(topic.messages for topic in topics.values()),
             lost=lost,
+            missed=missed,
             gaps=end.get("gaps", "").splitlines(),
             stray=stray,
             robots=[RecordedRobot(each, self._distance(each)) for each in robot_ids],

@@ -201,6 +201,14 @@ def test_ticks_of_no_simulator_count_nothing(desk: Desk) -> None:
     assert desk.take("sim/tick") == [("sim/tick", 2, 0)]
 
 
+def test_in_real_time_the_clock_shows_what_has_not_come() -> None:
+    """Ticks that are missing between two, also where the clock begins late or the world begins anew."""
+    desk = Desk()
+    for tick in (5, 6, 7, 10, 11, 1, 2, 4):
+        desk.say(SIM, "clock", Clock(time_from_ns(tick * INTERVAL)))
+    assert desk.gatherer.missed == 2 + 1
+
+
 def test_in_real_time_the_clock_says_when() -> None:
     """A recording that begins in the middle of a run in lock-step is not whole."""
     desk = Desk()
