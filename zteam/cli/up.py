@@ -75,6 +75,7 @@ _NEEDS = {
 _EXCLUDES = {
     "--only": ("--in-process", "--secure", "--chaos", "--report", "--record"),
     "--listen": ("--in-process", "--connect"),
+    "--record": ("--compose",),
     "--secure": ("--in-process",),
 }
 """By option: those that it cannot be given with."""
