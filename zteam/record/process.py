@@ -24,7 +24,7 @@ from zteam.record.writing import Entry, RecordingWriter
 
 _PERIOD = 0.05
 """Host seconds between two looks at what has come."""
-_FLUSH = 1.0
+_FLUSH = 0.9
 """Host seconds after which what was recorded outlives the recorder."""
 _MOST = 64 << 20
 """Bytes that wait to be written. In lock-step the world waits then, otherwise they are lost."""
