@@ -103,7 +103,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
         print_block(f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}")
-        print_line(f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}")
+        others = [each for each in PROCESSES if all(each != command for command, _ in COMMANDS.values())]
+        print_line(f"Processes: {', -'.join(others).replace('-zteam', '')}")
         return 0 if arguments else 2
     if arguments[0] == "--version":
         print_line(f"zteam {__version__}")

@@ -31,7 +31,7 @@ from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest
 _PERIOD = 0.01
 """Host seconds between two looks at what is due."""
 _REST = 1.0
-"""Host seconds between two looks while it stands, and between two statuses of a robot: without them it seems to hang."""
+"""Host seconds between two looks while it stands, and between two statuses of a robot, which seems to hang without."""
 _MOST = to_ns(0.2)
 """Nanoseconds of the recording that are published at once, so that queries do not wait long."""
 _OTHERS = frozenset({names.RECORDER, names.REPLAY, names.LAUNCHER, names.ROUTER, names.GOALS})
