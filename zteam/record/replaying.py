@@ -222,10 +222,12 @@ def run_replay(node: ProcessNode, timeline: Timeline, options: ReplayOptions, wo
     for claim in claims:
         claim.win(node.stop.request)
         node.claim.under_name.append(Handle(claim.release))
-    node.become_present()
+    # What is asked for meanwhile comes after the begin.
+    with replay.lock:
+        node.become_present()
+        replay.go_to(timeline.start + to_ns(options.begin))
     size = to_seconds(timeline.end - timeline.start)
     log.info("replaying %s: %.1f s of robots %s", options.file, size, format_robot_ids(robots) or "none")
-    replay.go_to(timeline.start + to_ns(options.begin))
     beat = Every(_REST, after=_REST)
     while not node.stopping:
         if not replay.advance():
