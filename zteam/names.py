@@ -29,6 +29,7 @@ VIEW = "view"
 GOALS = "goals"
 ROUTER = "router"
 RECORDER = "recorder"
+REPLAY = "replay"
 OPERATOR = "operator"
 """Name of the certificate of people's tools."""
 AUTHORITY = "ca"
@@ -147,7 +148,7 @@ base_robot_of = partial(_id_in, "base_")
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 _TOPICS = frozenset({CLOCK, MAP, TF, TF_STATIC, TEAM_STATUS})
-_PROCESSES = frozenset({SIMULATOR, AGGREGATOR, MONITOR, MAP_SERVER, LAUNCHER, VIEW, ROUTER, OPERATOR, RECORDER})
+_PROCESSES = frozenset({SIMULATOR, AGGREGATOR, MONITOR, MAP_SERVER, LAUNCHER, VIEW, ROUTER, OPERATOR, RECORDER, REPLAY})
 
 
 def name_problem(name: str) -> str:

@@ -17,6 +17,7 @@ COMMANDS = {
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
     "view": ("zteam-view", "see the team in a browser, and drive it with the mouse"),
     "record": ("zteam-record", "record a running team"),
+    "replay": ("zteam-replay", "publish a recording under its names, for tools and the view"),
     "rerun": ("rerun", "run a recording again, and compare each tick"),
     "recording": ("recording", "info | compare | export | plot | recover: what recorded runs hold"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
@@ -40,7 +41,7 @@ COMMANDS = {
 }
 """Command -> (module in zteam.cli, or the command of a process; one line)."""
 PROCESSES = tuple(
-    f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "record", "view", "router")
+    f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "record", "replay", "view", "router")
 )
 """The commands of the processes of a team."""
 
@@ -90,6 +91,7 @@ start_aggregator = partial(start_command, "zteam-tf")
 start_monitor = partial(start_command, "zteam-monitor")
 start_view = partial(start_command, "zteam-view")
 start_recorder = partial(start_command, "zteam-record")
+start_replay = partial(start_command, "zteam-replay")
 start_map_server = partial(start_command, "zteam-map")
 start_navigation = partial(start_command, "zteam-nav")
 start_router = partial(start_command, "zteam-router")
@@ -101,7 +103,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
         print_block(f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}")
-        print_line(f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}")
+        others = [each for each in PROCESSES if all(each != command for command, _ in COMMANDS.values())]
+        print_line(f"Processes: {', -'.join(others).replace('-zteam', '')}")
         return 0 if arguments else 2
     if arguments[0] == "--version":
         print_line(f"zteam {__version__}")

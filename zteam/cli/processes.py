@@ -315,6 +315,16 @@ def _read_recorder(args: argparse.Namespace) -> Read:
     return names.RECORDER, lambda: options
 
 
+def _add_replay(parser: Parser) -> None:
+    """`zteam replay`: publish a recording under its names, for tools and the view, until Ctrl+C (docs/recording.md)."""
+    parser.add_argument("file", metavar="FILE.mcap", help="what zteam has recorded")
+    add_options(parser, process_options.ReplayOptions)
+
+
+def _replay_options(args: argparse.Namespace) -> process_options.ReplayOptions:
+    return read_options(process_options.ReplayOptions, args, file=Path(args.file))
+
+
 _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace], Read]]] = {
     "zteam-sim": (_add_simulator, _read_simulator),
     "zteam-robot": (_add_robot, _read_robot),
@@ -323,12 +333,13 @@ _KINDS: dict[str, tuple[Callable[[Parser], None], Callable[[argparse.Namespace],
     "zteam-tf": (_add_aggregator, lambda args: (names.AGGREGATOR, partial(_aggregator_options, args))),
     "zteam-monitor": (_add_monitor, _read_monitor),
     "zteam-record": (_add_recorder, _read_recorder),
+    "zteam-replay": (_add_replay, lambda args: (names.REPLAY, partial(_replay_options, args))),
     "zteam-view": (_add_view, lambda args: (names.VIEW, partial(_view_options, args))),
 }
 """What adds the options of each command, with its help as docstring, and what reads them. Raises UsageError."""
 
 
-_TITLES = {"zteam-view": "zteam view", "zteam-record": "zteam record"}
+_TITLES = {"zteam-view": "zteam view", "zteam-record": "zteam record", "zteam-replay": "zteam replay"}
 """What users type."""
 
 

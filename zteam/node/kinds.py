@@ -68,6 +68,8 @@ KINDS: tuple[Kind, ...] = (
     Kind("robots", ROBOT, "zteam-robot", 0, "zteam-robot --id 0", in_lockstep=True, robot_id_of=names.robot_id_of),
     # It stops last, and then with the simulator: what the others publish at their end is recorded.
     Kind("recorder", names.RECORDER, "zteam-record", 2, in_lockstep=True, optional=True),
+    # It is no part of a team: it stands for one that was recorded.
+    Kind("replay", names.REPLAY, "zteam-replay", 0, optional=True),
     Kind("view", names.VIEW, "zteam-view", 0, optional=True, matches=names.is_view),
 )  # fmt: skip
 """In the order of starting."""

@@ -168,6 +168,20 @@ class RecorderOptions(msgspec.Struct, frozen=True):
     """The whole team, as `team.launch.recorded` reads it; None for a recorder that joins one."""
 
 
+class ReplayOptions(msgspec.Struct, frozen=True):
+    """A replay of a recording."""
+
+    file: Path
+    speed: Annotated[
+        float, option("recorded seconds a second of the host", "X", typed=(1e-3, 1e3, "recorded seconds a second"))
+    ] = 1.0
+    begin: Annotated[
+        float, option("begin so many seconds after its start", "SECONDS", flag="from", typed=(0.0, 1e9, "seconds"))
+    ] = 0.0
+    loop: Annotated[bool, option("begin again at the end")] = False
+    pause: Annotated[bool, option("stand at the begin until it is resumed")] = False
+
+
 def check_new_file(file: Path, *, force: bool) -> None:
     """Raise UsageError where a recording cannot begin in this file: an older one is kept unless `force`."""
     if file.exists() and not force:
@@ -187,6 +201,7 @@ ProcessOptions = (
     | ViewOptions
     | NodeOptions
     | RecorderOptions
+    | ReplayOptions
 )
 _TYPES = {kind.__name__: kind for kind in get_args(ProcessOptions)}
 

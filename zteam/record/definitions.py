@@ -25,6 +25,8 @@ def type_of(name: str, definition: str) -> type[Message]:
         made: type[Message] = _make(name.replace("/msg/", "/"), texts)
         # It looks at the fields of all types that it holds.
         definition_of(made)
+        # Not before: a type with a ROS name is registered when it is made, and an installed one keeps its place.
+        made.ros_type = name
     except (UsageError, ValueError, TypeError, IndexError, RecursionError):
         raise UsageError(f"{name} is not installed here, and has fields that zteam does not read") from None
     return made
@@ -37,7 +39,6 @@ def _make(name: str, texts: dict[str, str]) -> Any:
         if text and "=" not in text:
             kind, field = text.split()
             fields.append((field, _hint(kind, texts)))
-    # Without a ROS name the type is not registered: an installed one of that name keeps its place.
     return msgspec.defstruct(name.rpartition("/")[2], fields, bases=(Message,), module=__name__)
 
 

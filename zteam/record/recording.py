@@ -101,6 +101,9 @@ class Recording:
         self._facts: list[dict[str, str]] = []
         self._chunks: list[tuple[int, int]] = []
         """Place and size in the file."""
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str]] = {}
+        """Key and type of those that the chunks read so far define."""
         self._kinds: dict[str, type[Message]] = {}
         try:
             with self.path.open("rb") as file:
@@ -154,45 +157,54 @@ class Recording:
         """What its recorder has added at its end: ticks, is_whole, lost, gaps, stray; empty where it was killed."""
         return self._facts[1] if len(self._facts) > 1 else {}
 
+    @property
+    def chunks(self) -> int:
+        """In how many parts the file has its messages; each is read as a whole."""
+        return len(self._chunks)
+
     def entries(self, key: str = "") -> Iterator[Entry]:
         """All messages, or those of a key, in the order of the file."""
-        schemas: dict[int, str] = {}
-        channels: dict[int, tuple[str, str]] = {}
-        for data in self._contents_of_chunks():
-            at, size = 0, len(data)
-            try:
-                while at < size:
-                    opcode, length = _HEAD.unpack_from(data, at)
-                    begin, at = at + _HEAD.size, at + _HEAD.size + length
-                    if opcode == Opcode.MESSAGE:
-                        channel, tick, time, _ = _MESSAGE.unpack_from(data, begin)
-                        topic, kind = channels[channel]
-                        if not key or topic == key:
-                            yield Entry(topic, kind, time, data[begin + _MESSAGE.size : at], tick)
-                    elif opcode == Opcode.SCHEMA:
-                        schema = Schema.read(ReadDataStream(BytesIO(data[begin:at])))
-                        schemas[schema.id] = schema.name
-                        self.definitions[schema.name] = schema.data.decode()
-                    elif opcode == Opcode.CHANNEL:
-                        read = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
-                        channels[read.id] = names.strip_slash(read.topic), schemas[read.schema_id]
-            except _BROKEN:
-                raise self._damaged() from None
+        for chunk in range(self.chunks):
+            yield from self.entries_in(chunk, key)
 
-    def _contents_of_chunks(self) -> Iterator[bytes]:
-        with self.path.open("rb") as file:
-            for begin, length in self._chunks:
+    def entries_in(self, chunk: int, key: str = "") -> Iterator[Entry]:
+        """Those of one chunk, from 0 on. The chunks before it have been read once: they define its channels."""
+        data = self._content_of(chunk)
+        at, size = 0, len(data)
+        try:
+            while at < size:
+                opcode, length = _HEAD.unpack_from(data, at)
+                begin, at = at + _HEAD.size, at + _HEAD.size + length
+                if opcode == Opcode.MESSAGE:
+                    channel, tick, time, _ = _MESSAGE.unpack_from(data, begin)
+                    topic, kind = self._channels[channel]
+                    if not key or topic == key:
+                        yield Entry(topic, kind, time, data[begin + _MESSAGE.size : at], tick)
+                elif opcode == Opcode.SCHEMA:
+                    schema = Schema.read(ReadDataStream(BytesIO(data[begin:at])))
+                    self._schemas[schema.id] = schema.name
+                    self.definitions[schema.name] = schema.data.decode()
+                elif opcode == Opcode.CHANNEL:
+                    read = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
+                    self._channels[read.id] = names.strip_slash(read.topic), self._schemas[read.schema_id]
+        except _BROKEN:
+            raise self._damaged() from None
+
+    def _content_of(self, chunk: int) -> bytes:
+        begin, length = self._chunks[chunk]
+        try:
+            with self.path.open("rb") as file:
                 file.seek(begin)
-                try:
-                    chunk = Chunk.read(ReadDataStream(BytesIO(file.read(length))))
-                    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-                    data = stream.read(size)
-                except _BROKEN:
-                    if not self.is_finished and begin == self._chunks[-1][0]:
-                        # A host that went down may have kept the size of what was not written any more.
-                        return
-                    raise self._damaged() from None
-                yield data
+                read = Chunk.read(ReadDataStream(BytesIO(file.read(length))))
+            stream, size = get_chunk_data_stream(read, validate_crc=True)
+            return stream.read(size)
+        except OSError as error:
+            raise UsageError(f"{self.path}: cannot read a recording: {error.strerror}") from None
+        except _BROKEN:
+            if not self.is_finished and chunk == self.chunks - 1:
+                # A host that went down may have kept the size of what was not written any more.
+                return b""
+            raise self._damaged() from None
 
     @cached_property
     def _scanned(self) -> tuple[dict[str, Topic], int]:

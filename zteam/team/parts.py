@@ -130,6 +130,17 @@ def _recorder(options: process_options.RecorderOptions) -> Part:
     return Part(lambda node: run_recorder(node, options, contents), Node)
 
 
+def _replay(options: process_options.ReplayOptions) -> Part:
+    from zteam.record.recording import Recording
+    from zteam.record.replaying import run_replay
+    from zteam.record.timeline import Timeline
+    from zteam.team.launch.recorded import world_of
+
+    recording = Recording(options.file)
+    timeline = Timeline(recording)
+    return Part(lambda node: run_replay(node, timeline, options, world_of(recording.contents)))
+
+
 _MAKERS: dict[type, Callable[[Any], Part]] = {
     process_options.SimOptions: _simulator,
     process_options.MapOptions: _map_server,
@@ -140,6 +151,7 @@ _MAKERS: dict[type, Callable[[Any], Part]] = {
     process_options.ViewOptions: _view,
     process_options.NodeOptions: _own_node,
     process_options.RecorderOptions: _recorder,
+    process_options.ReplayOptions: _replay,
 }
 
 

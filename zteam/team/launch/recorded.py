@@ -93,6 +93,14 @@ def _hash_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def world_of(contents: Mapping[str, bytes]) -> str:
+    """The name of the world in a recording; empty where it does not say."""
+    try:
+        return Path(json.loads(contents[LAUNCH])["launch"]["world"]).stem
+    except (KeyError, ValueError, TypeError):
+        return ""
+
+
 def restore(contents: Mapping[str, bytes], folder: Path) -> tuple[TeamLaunch, list[str]]:
     """The launch of a recording, whose files are written into `folder`, and the names of the behaviours and nodes whose
     source is another one now. Raises UsageError for what is no recording of a team."""

@@ -60,6 +60,7 @@ _SIMULATE = tuple(
     names.service_key(names.SIMULATOR, service)
     for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
 )
+_REPLAY = tuple(names.service_key(names.REPLAY, each) for each in ("pause", "resume", "seek", "step", "speed"))
 _CUT = names.service_key(names.LAUNCHER, names.LINKS)
 _SIGNAL = names.service_key(names.LAUNCHER, names.SIGNAL)
 _START = names.service_key(names.LAUNCHER, names.START)
@@ -113,7 +114,7 @@ _GRANTED = {
     # zteam goals is a process of its own.
     "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), _LISTS, asks=(_CANCEL, _LOCALIZE, *_LISTS[1:]))
     | _filled(_OWN, names.GOALS),
-    "simulation": Rights(asks=(*_SIMULATE, _CUT, _SIGNAL)),
+    "simulation": Rights(asks=(*_SIMULATE, *_REPLAY, _CUT, _SIGNAL)),
     "parameters": Rights(asks=(_SET,)),
     "processes": Rights(asks=(_START,)),
     "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),

@@ -15,10 +15,10 @@ from zteam.node.node import Node
 from zteam.node.process_options import AggregatorOptions
 from zteam.node.steps import Due
 from zteam.node.tokens import CertainTokens, TokenSet
+from zteam.transforms.answers import answer_frames, answer_history, answer_lookups
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.transforms.merge import MAX_APART, Merger, base_stamp
 from zteam.transforms.process.bundle import PATIENCE, Bundle
-from zteam.transforms.process.queries import answer_frames, answer_history, answer_lookups
 from zteam.transforms.urdf import Description
 
 WALL_RATE = 20.0

@@ -9,8 +9,8 @@ from support.transforms import S, stamped
 from zteam.bus import Deferred, MemoryHub
 from zteam.errors import BusError, UsageError
 from zteam.tf import Buffer, LookupException, TransformException
+from zteam.transforms.answers import answer_history, answer_lookups
 from zteam.transforms.client import HistoryRequest, Lookup, LookupReply, LookupRequest, TransformClient
-from zteam.transforms.process.queries import answer_history, answer_lookups
 
 
 @pytest.fixture
