@@ -2,18 +2,16 @@
 
 import math
 from itertools import zip_longest
-from typing import Any
 
 import pytest
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import PHONE, SMALL, TARGET, OpenScreen, Screen, complaints, start_view
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Message, PoseStamped, PoseWithCovarianceStamped
 from zteam.team.testing.team import TeamFixture
 
 FOCUSED = "document.activeElement.id"
-PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 FONTS = """
   window.fonts = {};
   const draw = CanvasRenderingContext2D.prototype.fillText;
@@ -24,15 +22,6 @@ FONTS = """
   };
 """
 """Has the page note how large each text on a canvas is, and the picture that the map shows of it, in pixels."""
-TARGET = 44
-"""Pixels that a finger needs."""
-SMALL = """(least) => [...document.querySelectorAll('button, select, input, summary')].filter((one) => {
-  const around = one.matches('[type=checkbox], [type=radio]') ? one.closest('label') : one;
-  const {width, height} = around.getBoundingClientRect();
-  const cut = one.matches('button') && one.scrollWidth > one.clientWidth;
-  return width && (width < least || height < least || cut);
-}).map((one) => one.outerHTML)"""
-"""Controls that are smaller than that, or whose text does not fit."""
 OUTSIDE = """() => [...document.querySelectorAll('#toolbar button, #toolbar select')].filter((one) => {
   const {left, right, top, bottom} = one.getBoundingClientRect();
   const inside = left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight;
@@ -140,15 +129,6 @@ def test_goals_are_set_by_keys_alone(url: str, team: TeamFixture, screen: Screen
     press(screen, "Escape", *["ArrowLeft"] * 40)
     assert screen.ask("zteam.app.tool") == "select"
     assert screen.ask("zteam.app.camera.x") < before["x"] - 1
-
-
-def complaints(screen: Screen, *places: str, rules: list[str] | None = None) -> list[str]:
-    """What axe-core finds wrong with the page now, or with these parts of it; by all its rules or by these alone."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    options = {"resultTypes": ["violations"], **({"runOnly": rules} if rules else {})}
-    context = {"include": [[place] for place in places]} if places else None
-    found = axe.run(screen.page, context, options).response["violations"]
-    return [f"{rule['id']}: {[node['html'] for node in rule['nodes']]}" for rule in found]
 
 
 def names_of_tabs(screen: Screen, place: str) -> list[str]:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.team.testing.team import TeamFixture
 
@@ -31,6 +33,17 @@ SHOW = """([x, y]) => {
   camera.placed = true;
   if (px < 0 || py < 0 || px > camera.width || py > camera.height) scene.fit();
 }"""
+
+PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+TARGET = 44
+"""Pixels that a finger needs."""
+SMALL = """(least) => [...document.querySelectorAll('button, select, input, summary')].filter((one) => {
+  const around = one.matches('[type=checkbox], [type=radio]') ? one.closest('label') : one;
+  const {width, height} = around.getBoundingClientRect();
+  const cut = one.matches('button') && one.scrollWidth > one.clientWidth;
+  return width && (width < least || height < least || cut);
+}).map((one) => one.outerHTML)"""
+"""Controls that are smaller than that, or whose text does not fit."""
 
 
 def start_view(team: TeamFixture, *arguments: str, port: int = 0) -> str:
@@ -155,6 +168,15 @@ def show(team: TeamFixture, screen: Screen, robots: int = 2, *, world: str = "ar
     screen.open(url, robots)
     screen.wait("zteam.app.store.grids.has('map')")
     return url
+
+
+def complaints(screen: Screen, *places: str, rules: list[str] | None = None) -> list[str]:
+    """What axe-core finds wrong with the page now, or with these parts of it; by all its rules or by these alone."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    options = {"resultTypes": ["violations"], **({"runOnly": rules} if rules else {})}
+    context = {"include": [[place] for place in places]} if places else None
+    found = axe.run(screen.page, context, options).response["violations"]
+    return [f"{rule['id']}: {[node['html'] for node in rule['nodes']]}" for rule in found]
 
 
 @contextmanager

@@ -131,7 +131,7 @@ class Commands:
         self._publishers: dict[str, Publisher[Message]] = {}
         self._lock = threading.Lock()
         bus = state.node.bus
-        self._simulator = simulator = SimulatorClient(bus)
+        self._simulator, replay = (simulator := SimulatorClient(bus)), state.queries.change_replay
         stops, set_parameters = client.StopClient(bus, state.queries.names), client.ParametersClient(bus).set
         self._acts: Mapping[str, Callable[[Any], object]] = {
             "stop_robots": lambda _: client.need_done(stops.engage()),
@@ -152,6 +152,11 @@ class Commands:
             "start": lambda it: client.start_robot(bus, it.robot, it.behavior),
             "parameter": lambda it: set_parameters(names.robot_name(it.robot), {it.name: parse_value(it.value)}),
             "doctor": lambda _: state.diagnosis.start(),
+            "replay_pause": lambda _: replay(lambda client: client.pause()),
+            "replay_resume": lambda _: replay(lambda client: client.resume()),
+            "replay_seek": lambda it: replay(lambda client: client.seek(it.time)),
+            "replay_step": lambda it: replay(lambda client: client.step(it.ticks)),
+            "replay_speed": lambda it: replay(lambda client: client.set_speed(it.factor)),
         }
 
     def carry_out(self, request: requests.Command) -> str:

@@ -47,6 +47,8 @@ class Composer:
         """The next frame; None if there is nothing new."""
         state, now = self._state, monotonic()
         number, poses = self._scene.poses()
+        if viewer.era != state.places.eras:
+            viewer.forget(state.places.eras)
         has_poses = bool(number) and viewer.lacks("poses", number)
         blocks = [poses] if has_poses else []
         blocks += self._scans(viewer)
@@ -123,6 +125,7 @@ class Composer:
             ("tf", has_frames and ("tf" in layers or "tf" in docs), FAST if "tf" in layers else SLOW, make.transforms),
             ("topics", topics is not None and "topics" in docs, SLOW, lambda: msgspec.json.encode(topics)),
             ("inspect", robot_id is not None, OFTEN, partial(make.inspect, robot_id or 0)),
+            ("replay", True, FAST, lambda: msgspec.json.encode(self._state.queries.replay)),
             ("doctor", "doctor" in docs, FAST, lambda: self._state.diagnosis.document),
             *((name, name in layers, FAST, drawn) for name, drawn in make.drawn.items()),
         ]

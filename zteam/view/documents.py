@@ -255,7 +255,7 @@ class Documents:
     def _end_with_process(self, row: dict[str, Any], status: NavigationStatus, now: float) -> None:
         robot_id = row["robot"]
         name = (names.robot_name if _is_behavior(robot_id, status) else names.navigation_name)(robot_id)
-        if self._state.queries.alive(name):
+        if self._state.queries.speaks(name):
             self._gone.pop(robot_id, None)
         elif now - self._gone.setdefault(robot_id, now) > GONE:
             row["state"], row["text"] = "aborted", f"the process {name} is gone"

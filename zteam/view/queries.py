@@ -14,7 +14,7 @@ from zteam.bus import BusOptions, Change
 from zteam.bus.connection import connect
 from zteam.bus.graph import KeyRow, find_rows
 from zteam.bus.transport import Declaration
-from zteam.clock import Every, monotonic, wall_ns
+from zteam.clock import Every, monotonic, to_seconds, wall_ns
 from zteam.errors import BusError, ZteamError, log
 from zteam.messages import RobotStatus
 from zteam.monitor.doctor.examination import examine
@@ -23,6 +23,7 @@ from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import kept_lines
 from zteam.node.logs import LogLine
 from zteam.node.process_node import ProcessNode
+from zteam.record.client import ReplayClient, ReplayStatus
 from zteam.robot.client import DESCRIBE, DescribeReply, find_lists
 from zteam.simulator.client import ObstaclesReply, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
@@ -39,8 +40,8 @@ def topic_row(row: KeyRow) -> dict[str, Any]:
 
 T = TypeVar("T")
 
-ASK_PERIOD = 0.5
-"""Host seconds between two looks at the simulator while a page is open."""
+ASK_PERIOD, REPLAY_PERIOD = 0.5, 0.25
+"""Host seconds between two looks at the simulator while a page is open; the second one while a recording is shown."""
 KEYS_PERIOD = 2.0
 """Host seconds between two looks at which keys there are."""
 SURVEY_PERIOD = 5.0
@@ -56,6 +57,10 @@ class TeamQueries:
         self.team = TeamObserver(self._bus)
         self.alive, self.names = self.team.alive, self.team.process_names
         self._is_wanted = False
+        self.replay: ReplayStatus | None = None
+        """The recording that is played instead of a team; None without one."""
+        self._replay, self._turn = ReplayClient(self._bus), threading.Lock()
+        """The lock is for one change at a time: what is asked for again must not undo a jump."""
         self.sim: SimStatus | None = None
         self.shapes: ShapesReply | None = None
         self.obstacles: ObstaclesReply | None = None
@@ -91,6 +96,21 @@ class TeamQueries:
             self._begun = monotonic()
         (self.team.observe if wanted else self.team.ignore)(names.STATUS, names.TEAM_STATUS)
         self._is_wanted, self.sim = wanted, self.sim if wanted else None
+        self.replay = self.replay if wanted else None
+
+    @property
+    def period(self) -> float:
+        """Host seconds between two calls of `ask`."""
+        return REPLAY_PERIOD if self.replay else ASK_PERIOD
+
+    def speaks(self, name: str) -> bool:
+        """Whether a process is there, or a recording that has what it said."""
+        return self.replay is not None or self.alive(name)
+
+    def change_replay(self, act: Callable[[ReplayClient], ReplayStatus]) -> None:
+        """Have the recording go on, stand or jump. Raises BusError."""
+        with self._turn:
+            self.replay = act(self._replay)
 
     @property
     def loading(self) -> bool:
@@ -119,6 +139,7 @@ class TeamQueries:
     def ask(self, layers: Collection[str], docs: Collection[str], inspected: Collection[int], opened: int) -> None:
         """Ask what the pages that show these layers and documents, and inspect these robots, need; `opened` counts the
         subscriptions so far."""
+        self._ask_replay()
         self._ask_simulator(obstacles="obstacles" in layers)
         self._ask_for_repeat(opened)
         self.lists = find_lists(self._bus) if "goals" in layers else {}
@@ -156,8 +177,18 @@ class TeamQueries:
         finally:
             self._surveys = False
 
+    def _ask_replay(self) -> None:
+        if not self.alive(names.REPLAY):
+            self.replay = None
+            return
+        if self.replay is None:
+            # Where it stands it has said all before.
+            self._opened = -1
+        with suppress(BusError):
+            self.change_replay(lambda client: client.status())
+
     def _ask_simulator(self, *, obstacles: bool) -> None:
-        sim = find_status(self._bus, PATIENCE) if self.alive(names.SIMULATOR) else None
+        sim = find_status(self._bus, PATIENCE) if self.speaks(names.SIMULATOR) else None
         self.sim = sim
         self.last_world = sim.world if sim else self.last_world if self.robots() else ""
         if sim is None:
@@ -173,6 +204,9 @@ class TeamQueries:
         """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
         sim, missed = self.sim, opened != self._opened
         self._opened = opened
+        if missed and self.replay is not None and self.replay.is_paused:
+            with suppress(BusError):
+                self.change_replay(lambda client: client.seek(to_seconds(client.status().now)))
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
             # The aggregator does not send a tick's bundle twice.
             if self._received.get(names.TF) is None:

@@ -16,6 +16,7 @@ from zteam.errors import BusError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Marker, MarkerArray, Message, decode, type_of_encoding
 from zteam.messages.topics import SENSORS, type_of_key
+from zteam.node.tick_messages import stamp_of
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 M = TypeVar("M", bound=Message)
@@ -50,6 +51,12 @@ class Arrival(msgspec.Struct, eq=False):
             except DecodeError:
                 return None
         return content if isinstance(content, kind) else None
+
+    @property
+    def stamp(self) -> int:
+        """Of its header, in ns; 0 without one."""
+        message = self.read(self.kind) if self.kind else None
+        return 0 if message is None else stamp_of(message)
 
 
 KEPT = 2000
@@ -119,6 +126,14 @@ class Received:
         with self._lock:
             for key in gone:
                 self._newest.pop(key, None)
+
+    def forget_after(self, stamp: int) -> None:
+        """Forget what was said after `stamp` (ns), but for the map: that need not be said again."""
+        later = [one for one in self.newest() if one.key != names.MAP and one.stamp > stamp]
+        with self._lock:
+            for arrival in later:
+                if self._newest.get(arrival.key) is arrival:
+                    del self._newest[arrival.key]
 
     def clear(self) -> None:
         with self._lock:
@@ -240,6 +255,8 @@ class Viewer:
         """The version of the scan that it shows, by robot and number of the laser."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
+        self.era = 0
+        """How often time was set back before the newest frame."""
         self.log_number = 0
         """Of the newest line of logs that it has."""
         self.cut = ""
@@ -287,6 +304,12 @@ class Viewer:
             return False
         self.has[thing] = version
         return True
+
+    def forget(self, era: int) -> None:
+        """Time was set back: the page has dropped all but the map, and is sent the rest anew."""
+        self.era = era
+        self.has = {thing: it for thing, it in self.has.items() if isinstance(thing, tuple) and thing[0] == names.MAP}
+        self.scans = dict.fromkeys(self.scans)
 
     def sees(self, x: float, y: float) -> bool:
         """Whether a point of `map` is in its viewport, or a sensor there may reach into it."""

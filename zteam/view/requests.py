@@ -9,6 +9,8 @@ from zteam.bus.transport import decode_json
 from zteam.config.numbers import Coordinate, RobotId
 from zteam.errors import DecodeError
 from zteam.names import is_wildcard
+from zteam.record.client import Speed as ReplaySpeed
+from zteam.record.client import Ticks, Time
 from zteam.simulator.client import MAX_SPEED, MAX_TICKS
 
 VERSION = 1
@@ -134,6 +136,24 @@ class Step(Command, frozen=True):
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
 
 
+class Seek(Command, frozen=True):
+    """`replay/seek`."""
+
+    time: Time
+
+
+class StepReplay(Command, frozen=True):
+    """`replay/step`."""
+
+    ticks: Ticks
+
+
+class SetReplaySpeed(Command, frozen=True):
+    """`replay/speed`."""
+
+    factor: ReplaySpeed
+
+
 class SetSpeed(Command, frozen=True):
     """`sim/speed`; 0: as fast as possible."""
 
@@ -170,8 +190,12 @@ KINDS: Mapping[str, type[Request]] = {
     "goal": Goal, "cancel": CancelGoals, "resume_lists": Command, "initialpose": Placed,
     "pause": Command, "resume": Command, "step": Step, "speed": SetSpeed, "reset": Command,
     "spawn": Spawn, "remove": OfRobot, "move": Placed, "start": Start, "parameter": SetParameter, "doctor": Command,
+    "replay_pause": Command, "replay_resume": Command, "replay_seek": Seek, "replay_step": StepReplay,
+    "replay_speed": SetReplaySpeed,
 }  # fmt: skip
 """Those without a field of their own are named as the queries that they ask: `sim/pause`, `sim/reset`."""
+WITH_RECORDING = frozenset(op for op in KINDS if op.startswith("replay_")) | {"doctor"}
+"""The commands that a page may give while a recording is shown."""
 
 
 class _Op(msgspec.Struct):

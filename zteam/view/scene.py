@@ -257,7 +257,7 @@ class Scene:
         goals = {each.key for each in queries.declarations if not each.publishes}  # Views have a wildcard.
         rows, speaks = {}, dict(sorted(times, key=itemgetter(1)))
         for robot_id in sorted(state.robots()):
-            alive = queries.alive(names.robot_name(robot_id))
+            alive = queries.speaks(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
             is_in_world = sim is not None and robot_id in sim.robots
             base = self._read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
@@ -268,7 +268,8 @@ class Scene:
                 present=speaks_now if sim is None else is_in_world,
                 alive=alive,
                 status=queries.status_of(robot_id),
-                age=max(0.0, now - max(queries.team.robot(robot_id).spoke, FREEZES.look())),
+                # A recording that stands says nothing new.
+                age=0.0 if queries.replay else max(0.0, now - max(queries.team.robot(robot_id).spoke, FREEZES.look())),
                 base=base and base[1],
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
@@ -282,7 +283,7 @@ class Scene:
             "robots": list(rows.values()),
             # Polygons in metres, in `base_footprint`.
             "outlines": [msgspec.Raw(outline) for outline in outlines],
-            "gate": gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None),
+            "gate": gate_row(queries.team.team_status if queries.speaks(names.MONITOR) else None),
             "sim": sim_row(sim, shapes.models if shapes else (), queries.last_world),
             # The grants that this process lacks where access is controlled.
             "refused": queries.refused,

@@ -149,6 +149,8 @@ class Page:
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
                 if not self._server.driving.drive(request.robot, viewer.number, command):
                     self._say({"op": "lost", "robot": request.robot})
+            case requests.Command() if self._state.queries.replay and request.op not in requests.WITH_RECORDING:
+                self._reply(request, "a recording is shown, which takes no commands")
             case requests.Command(op="stop_robots") if len(self._stops) >= MAX_STOPS:
                 self._reply(request, f"{MAX_STOPS} stops of this page are under way already")
             case requests.Command(op="stop_robots"):

@@ -14,7 +14,7 @@ from zteam.messages.std_msgs import ns_from_time
 from zteam.node.process_node import ProcessNode
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan
-from zteam.view.queries import ASK_PERIOD, Diagnosis, TeamQueries
+from zteam.view.queries import Diagnosis, TeamQueries
 from zteam.view.received import FAST_PERIOD, PERIOD, Arrival, Drawables, Received, Subscriptions, Viewer, topics_of
 
 M = TypeVar("M", bound=Message)
@@ -42,6 +42,8 @@ class Places:
         self.time = 0.0
         """Host time at which these came."""
         self.from_truth = False
+        self.eras = 0
+        """How often time was set back."""
         self.compared: Collection[int] = ()
         """The robots whose ground truth comes. What came before of the others tells nothing of where they are now."""
         self._compared: dict[int, tuple[Pose2, Pose2]] = {}
@@ -72,8 +74,9 @@ class Places:
                 continue
             stamp = bases_stamp(bundle)
             if stamp and stamp < self.stamp:
-                # Time was set back: what was known of the other time does not count.
+                # What was known of the other time does not count.
                 self.buffer.clear()
+                self._begin_era(stamp)
             self._taken[names.TF] = arrival.number
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp or self.stamp
             self.buffer.set_transforms(bundle.transforms, names.TF, self.stamp)
@@ -102,7 +105,14 @@ class Places:
         self._truths.set_transform(TransformStamped(header, odom, place), odom)
         self._truths.set_transform(TransformStamped(Header(header.stamp, odom), base), odom)
         if arrival.number > self.number:
+            if stamp < self.stamp:
+                self._begin_era(stamp)
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
+
+    def _begin_era(self, stamp: int) -> None:
+        """Time was set back to `stamp` (ns)."""
+        self.eras += 1
+        self._received.forget_after(stamp)
 
     def _find(self, parent: str, frame: str, stamp: int) -> Pose2 | None:
         with suppress(TransformException):
@@ -237,7 +247,7 @@ class TeamView:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
         self.drawables = Drawables((each.key for each in self.queries.declarations if each.publishes), self.received)
-        sim, aggregator = self.queries.sim, self.queries.alive(names.AGGREGATOR)
+        sim, aggregator = self.queries.sim, self.queries.speaks(names.AGGREGATOR)
         self.places.compared = self._localised() if sim is not None else ()
         wanted = topics_of(
             viewers.values(), self.poses, self.drawables, aggregator=aggregator, truth_of=self.places.compared
@@ -265,4 +275,4 @@ class TeamView:
             layers = {layer for viewer in viewers.values() for layer in viewer.look.layers}
             inspected = {i for viewer in viewers.values() if (i := viewer.inspected) is not None}
             self.queries.ask(layers, docs, inspected, self._subscriptions.opened)
-        self.node.wait(lambda: self._asks != asks, ASK_PERIOD if viewers else REST)
+        self.node.wait(lambda: self._asks != asks, self.queries.period if viewers else REST)

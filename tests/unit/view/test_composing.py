@@ -64,7 +64,7 @@ def test_poses_that_no_message_brought_have_no_age() -> None:
     """Those of a world that stands come of static transforms: a page must not say that they are hours old."""
     page = Page()
     composer: Any = page._composer
-    composer._state.places, composer._state.queries.sim = SimpleNamespace(stamp=5, time=0.0, pose_of=None), None
+    composer._state.places, composer._state.queries.sim = SimpleNamespace(stamp=5, time=0.0, eras=0, pose_of=None), None
     composer._state.drawables.of = lambda _layer: []
     composer._scene.poses = lambda: ((0, 1), encode_poses({1: Pose2(1.0, 0.0, 0.0)}, truth=False))
     composer._docs = lambda _viewer, _now: []

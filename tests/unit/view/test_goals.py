@@ -65,7 +65,7 @@ def test_the_newest_goal_is_the_one_that_was_sent_until_its_robot_speaks_of_it()
 def test_a_goal_ends_with_the_process_that_drives_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not at once: a router that ends takes all presence along for a while."""
     received, alive = Received(lambda: None), {"robot_0"}
-    queries = SimpleNamespace(alive=alive.__contains__, sim=None)
+    queries = SimpleNamespace(alive=alive.__contains__, speaks=alive.__contains__, sim=None)
     places = SimpleNamespace(pose_of=lambda _frame: Pose2(0.0, 0.0, 0.0))
     state: Any = SimpleNamespace(received=received, queries=queries, places=places, robots=lambda: {0})
     shown = Documents(state)

@@ -118,6 +118,7 @@ const ICONS = {
   pause: "M5.5 3v10M10.5 3v10",
   play: "M4.5 2.8v10.4L13 8z",
   step: "M3.5 3v10L9.5 8zM12.5 3v10",
+  back: "M12.5 3v10L6.5 8zM3.5 3v10",
   reset: "M3 8a5 5 0 1 0 1.6-3.7M3 2.5V5.5H6",
   picture: "M2 4.5h3l1-1.5h4l1 1.5h3v8H2zM8 6.2a2.3 2.3 0 1 0 .01 0",
   theme: "M8 2.5a5.5 5.5 0 1 0 0 11zM8 2.5a5.5 5.5 0 0 1 0 11",

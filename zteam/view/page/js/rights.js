@@ -3,8 +3,13 @@
 import { WATCHING } from "./connection.js";
 import { chosenRobots } from "./tools/pose.js";
 
-/** @param {import("./store.js").Store} store @returns {string} "" if it may */
-export function whyNoCommand({ connection }) {
+const RECORDED = "a recording is shown, which takes no commands";
+
+/** @param {import("./store.js").Store} store @returns {string} why robots and world take no commands of it; "" if they do */
+export const whyNoCommand = (store) => whyNoRight(store) || (store.isRecorded ? RECORDED : "");
+
+/** @param {import("./store.js").Store} store @returns {string} why the server takes none; "" if it does */
+export function whyNoRight({ connection }) {
   if (connection.state !== "open") return "not connected to the view's server";
   return connection.mayCommand ? "" : WATCHING;
 }

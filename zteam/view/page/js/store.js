@@ -3,6 +3,7 @@
 import { Emitter } from "./emitter.js";
 import { ownerOf } from "./layers.js";
 import { PoseTable } from "./poses.js";
+import { isMap } from "./scene/grids.js";
 
 const LOG_LINES = 2000;
 /** Seconds of the host after which a line of a log is no longer one of now. */
@@ -22,7 +23,7 @@ const SENSORS = 65536;
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
  * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
- * posearrays (key), selection, layers, camera, tool, theme, drive.
+ * posearrays (key), replay, selection, layers, camera, tool, theme, drive.
  */
 export class Store extends Emitter {
   /** token: the server looks at one, or has refused it.
@@ -60,6 +61,8 @@ export class Store extends Emitter {
    * @param {import("./wire.js").Frame} frame @param {number} received ms
    */
   takeFrame(frame, received) {
+    // Time was set back: what was drawn is of a later time.
+    if (frame.stamp < this.frame.stamp) this.clearTeam();
     this.frame = { number: frame.number, tick: frame.tick, stamp: frame.stamp, age: frame.age, received };
     /** @type {Map<string, any[]>} */
     const events = new Map();
@@ -104,9 +107,16 @@ export class Store extends Emitter {
     }
   }
 
+  /** Whether a recording is shown instead of a team: it takes no commands. */
+  get isRecorded() {
+    return Boolean(this.docs.replay);
+  }
+
   /** @param {string} name @param {any} value */
   #takeDoc(name, value) {
+    const isSwitch = name === "replay" && this.isRecorded !== Boolean(value);
     this.docs[name] = value;
+    if (isSwitch) this.emit("connection", this.connection);
     if (name === "team") {
       this.team = value;
       const before = this.robots;
@@ -141,8 +151,9 @@ export class Store extends Emitter {
     if (left.length < this.selection.size) this.select(left);
   }
 
-  /** The team is gone, or the connection: what was drawn is no longer true. The map and the log stay. */
+  /** The team is gone, the connection, or its time was set back: what was drawn is no longer true. The map and the log stay. */
   clearTeam() {
+    for (const key of this.grids.keys()) if (!isMap(key) && this.grids.delete(key)) this.emit("grids", key);
     this.poses.clear();
     this.scans.clear();
     this.paths.clear();

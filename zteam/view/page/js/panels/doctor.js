@@ -2,7 +2,7 @@
 
 import { el, reconcile, setText } from "../dom.js";
 import { formatTime } from "./format.js";
-import { whyNoCommand } from "../rights.js";
+import { whyNoRight } from "../rights.js";
 
 /** @typedef {{what: string, good: boolean, text: string, next_step: string, level: "ok" | "note" | "problem"}} Finding */
 /** @typedef {{running: boolean, time: number, findings: Finding[], error: string}} Examination */
@@ -22,7 +22,7 @@ export function doctorTab(app) {
   const show = () => {
     if (!shown) return;
     /** @type {Examination | undefined} */
-    const doctor = store.docs.doctor, why = whyNoCommand(store);
+    const doctor = store.docs.doctor, why = whyNoRight(store);
     setText(summary, summaryOf(doctor));
     summary.setAttribute("aria-busy", String(doctor?.running ?? true));
     again.disabled = why !== "" || (doctor?.running ?? true);

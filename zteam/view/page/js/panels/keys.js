@@ -8,6 +8,9 @@ import { el, iconButton } from "../dom.js";
 
 /** @type {Shortcut[]} */
 const SHORTCUTS = [
+  { keys: "Space", text: "Play or pause, while a recording is shown", group: "Recording" },
+  { keys: "← →", text: "A tick back or on; with Shift a second", group: "Recording" },
+  { keys: "Home End", text: "To its start, to its end", group: "Recording" },
   { keys: "?", text: "This list", group: "Page" },
   { keys: "1 … 5", text: "Team, simulator, topics, frames, layers", group: "Page" },
   { keys: "6 7", text: "Log, plots", group: "Page" },

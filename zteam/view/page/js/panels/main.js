@@ -13,6 +13,7 @@ import { mountNoMap } from "./no_map.js";
 import { mountNotices } from "./notices.js";
 import { mountPageButtons, savePicture } from "./page_buttons.js";
 import { plotsTab } from "./plots.js";
+import { mountRecorded } from "./recorded.js";
 import { mountSimulatorBar, simulatorTab } from "./simulator.js";
 import { mountStopped } from "./stopped.js";
 import { teamTab } from "./team.js";
@@ -65,6 +66,7 @@ export function mountPanels(app) {
   mountSimulatorBar(app);
   mountNotices(app);
   mountStopped(app);
+  mountRecorded(app);
   const scene = /** @type {HTMLElement} */ (document.getElementById("scene"));
   if (!app.scene?.works) mountNoMap(scene, choose);
   mountGoals(app, scene);

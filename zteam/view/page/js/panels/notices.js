@@ -34,7 +34,7 @@ export function chooseNotice(store, seen) {
   if (!team.router) {
     return { title: "No router", text: "Nothing can be heard of a team. A router starts with the team, or by itself:", way: "zteam-router", bad: true };
   }
-  return noticeOfTeam(team, seen);
+  return store.isRecorded ? null : noticeOfTeam(team, seen);
 }
 
 /** @param {import("../store.js").Team} team @param {Seen} seen @returns {Notice | null} */

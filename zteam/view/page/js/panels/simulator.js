@@ -26,7 +26,7 @@ export function mountSimulatorBar(app) {
     app.ask({ op: stands ? "resume" : "pause" }, stands ? "Resume" : "Pause");
   });
   const step = iconButton("step", "One tick", () => app.ask({ op: "step", ticks: 1 }, "Step"));
-  const speed = speedSelect(app);
+  const speed = speedSelect(app, SPEEDS, "speed", () => [whyNot(store), store.team?.sim.present ? store.team.sim.speed ?? 0 : 1]);
   const clock = el("span", { class: "value", title: "Simulated time" }), factor = el("span", { class: "value", title: "Real-time factor: simulated seconds a second" });
   place.append(pause, step, speed.select, clock, factor);
   const badge = el("div", { id: "stands", role: "status" });
@@ -67,21 +67,22 @@ function showClock(store, node) {
   show();
 }
 
-/** @param {import("../app.js").App} app */
-function speedSelect(app) {
-  const { store } = app;
-  const select = el("select", { "aria-label": "Speed" }, ...SPEEDS.map((factor) => el("option", { value: factor }, speedText(factor))));
+/**
+ * @param {import("../app.js").App} app @param {number[]} factors @param {string} op that sets one of them
+ * @param {() => [string, number]} look why it cannot be set, "" if it can; and the one of now
+ */
+export function speedSelect(app, factors, op, look) {
+  const select = el("select", { "aria-label": "Speed" }, ...factors.map((factor) => el("option", { value: factor }, speedText(factor))));
   select.addEventListener("change", () => {
     // With the keys the next choice may follow; after the mouse, keys are meant for the map.
     if (!select.matches(":focus-visible")) select.blur();
-    app.ask({ op: "speed", factor: Number(select.value) }, "Speed");
+    app.ask({ op, factor: Number(select.value) }, "Speed");
   });
   const show = () => {
-    const sim = store.team?.sim, why = whyNot(store);
+    const [why, factor] = look(), current = String(factor);
     select.disabled = why !== "";
     select.title = why ? `Speed: ${why}` : "Speed: simulated seconds a second";
     if (document.activeElement === select) return;
-    const current = String(sim?.present ? sim.speed ?? 0 : 1);
     if (![...select.options].some((option) => option.value === current)) select.append(el("option", { value: current }, speedText(Number(current))));
     select.value = current;
   };

@@ -87,7 +87,7 @@ export function listenToKeys(app, cursor, cancel) {
 }
 
 /** Arrows move between the buttons and rows of a panel, not the map. @param {KeyboardEvent} event */
-function isOnControl({ target }) {
+export function isOnControl({ target }) {
   if (!(target instanceof Element) || target.id === "map") return false;
   return target.closest("button, a, input, select, [tabindex], #panel, #dock") !== null;
 }

@@ -7,6 +7,7 @@ import { makeMoveTool } from "./move.js";
 import { listenToPointer } from "./pointer.js";
 import { makeGoalTool, makeInitialPoseTool, makeSpawnTool } from "./pose.js";
 import { makeSelectTool } from "./select.js";
+import { whyNoCommand } from "../rights.js";
 import { mountToolbar } from "./toolbar.js";
 import { listenToKeys } from "./keys.js";
 
@@ -38,7 +39,7 @@ export function mountTools(app, element, bar) {
       idle = !pressed && app.tool === "select";
     tools[app.tool].cancel();
     app.useTool("select");
-    const robots = idle && app.store.connection.mayCommand ? liveGoals(app.store).map(({ robot }) => robot) : [];
+    const robots = idle && !whyNoCommand(app.store) ? liveGoals(app.store).map(({ robot }) => robot) : [];
     const chosen = robots.filter((robot) => app.store.selection.has(robot));
     if (chosen.length) cancelGoals(app, chosen);
   };
