@@ -14,23 +14,28 @@ ANSWER_LIMIT = 10.0
 """Host seconds for an answer."""
 
 
+Time = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
+Ticks = Annotated[int, msgspec.Meta(ge=-(2**40), le=2**40)]
+Speed = Annotated[float, msgspec.Meta(ge=MIN_SPEED, le=MAX_SPEED)]
+
+
 class SeekRequest(Change):
     """`replay/seek`: go to this time of the recording, in seconds, as `start`, `end` and `now` of the status have it in
     nanoseconds. A time outside of the recording is its start or its end."""
 
-    time: Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
+    time: Time
 
 
 class StepRequest(Change):
     """`replay/step`: so many ticks on, or back if it is negative; then it stands."""
 
-    ticks: Annotated[int, msgspec.Meta(ge=-(2**40), le=2**40)] = 1
+    ticks: Ticks = 1
 
 
 class SpeedRequest(Change):
     """`replay/speed`: recorded seconds a second of the host."""
 
-    speed: Annotated[float, msgspec.Meta(ge=MIN_SPEED, le=MAX_SPEED)]
+    speed: Speed
 
 
 class ReplayStatus(msgspec.Struct):

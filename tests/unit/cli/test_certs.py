@@ -43,7 +43,7 @@ def test_the_life_of_a_certificate(run: Run) -> None:
     """From the authority on: issued once, renewed beside the earlier one, revoked, and issued anew."""
     made = certs(run, "init mine.toml --host 10.0.0.1 --days 30")
     assert made[0].startswith("certs/ca.pem: a new authority, valid until ")
-    names = {"router", "tf", "monitor", "up", "view", "operator", "sim", "robot_1", "joystick"}
+    names = {"router", "tf", "monitor", "up", "view", "recorder", "operator", "sim", "robot_1", "joystick"}
     assert {line.partition(".pem, .key: ")[0] for line in made[1:]} == {f"certs/{name}" for name in names}
     assert listed(run) == {("authority", 0): "valid", **dict.fromkeys([(name, 1) for name in names], "valid")}
     assert certs(run, "issue robot_1") == ["robot_1.1 is valid for 29 days still"]

@@ -79,7 +79,7 @@ def test_without_a_recording_its_commands_are_refused() -> None:
     with open_view(MemoryHub().bus()) as view, open_page(view.port) as page:
         page.wait(lambda: "replay" in page.docs)
         assert page.docs["replay"] is None
-        assert "no process answers" in page.command(op="replay_pause")
+        assert "no replay" in page.command(op="replay_pause")
 
 
 def test_nobody_asks_while_no_page_is_open(view: View, replay: FakeReplay) -> None:
