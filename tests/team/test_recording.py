@@ -17,16 +17,20 @@ from zteam.team.testing.team import TeamFixture
 
 WITNESS = """
 from zteam import Node
-from zteam.messages import String
+from zteam.messages import Message, String
+
+class Said(Message):
+    ros_type = "lab_msgs/msg/Said"
+    words: list[str] = []
 
 def main(node: Node) -> None:
     heard = []
     node.subscribe("chat", String, lambda key, message: heard.append(message.data))
-    said = node.publisher(f"{node.name}/said", String)
+    said = node.publisher(f"{node.name}/said", Said)
 
     def step(now: int) -> None:
         if heard:
-            said.put(String(" ".join(heard)))
+            said.put(Said(list(heard)))
         heard.clear()
 
     node.run(step)
@@ -117,8 +121,12 @@ def test_a_run_is_run_again(
     act(team)
     trajectory, ticks, file = team.report.trajectory_sha256, team.tick, team.recording
     team.close()
-    report = Recording(file).report
+    recording = Recording(file)
+    report = recording.report
     assert (report.is_whole, report.gaps, report.stray) == (True, [], {})
+    if act is drive_from_outside:
+        # Of a type that only its node knows.
+        assert [message.words for _, message in recording.messages("bob/said")] == [[f"word_{n}"] for n in range(3)]
     for words in ([], ["--in-process"]):
         again = zteam("rerun", file, *words)
         assert again.returncode == 0, again.stdout + again.stderr

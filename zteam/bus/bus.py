@@ -137,7 +137,7 @@ class _Reader(NamedTuple):
 
 
 class SentCount:
-    """Of messages that were sent; each thread that publishes in ticks is the only one to do so."""
+    """How many messages were sent. It has no lock: in a tick, one thread publishes."""
 
     sent = 0
 

@@ -37,7 +37,7 @@ def build_parser() -> Parser:
     export.add_argument("-o", "--output", type=Path, required=True, metavar="DIRECTORY", help="made if it is not there")
     plot = parser.add_verb("plot", _plot, "draw the ways of all robots on the map", _add_file)
     plot.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.svg|png", help="picture to write")
-    add_option(plot, "--width", typed=(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width")
+    add_option(plot, "--width", typed=(50, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width")
     recover = parser.add_verb("recover", _recover, "finish the recording of a recorder that was killed", _add_file)
     recover.add_argument(
         "-o", "--output", type=Path, metavar="FILE.mcap", help="default: FILE.recovered.mcap beside it"
@@ -61,7 +61,8 @@ def _info(args: argparse.Namespace) -> None:
         sizes = {name: len(data) for name, data in recording.contents.items()}
         print_json({"file": str(args.file), "report": report, "topics": topics, "files": sizes})
         return
-    print_line(f"{args.file}: zteam {report.version}, {report.command}, seed {report.seed}", _state(report, args.file))
+    seed = "" if report.seed is None else f", seed {report.seed}"
+    print_line(f"{args.file}: zteam {report.version}, {report.command}{seed}", _state(report, args.file))
     rows = [(key, topic.type, f"{topic.messages}") for key, topic in topics.items()]
     print_block(format_table(("topic", "type", "messages"), rows, "  ", numbers_from=2))
     if recording.contents:

@@ -1,6 +1,7 @@
 """`zteam rerun FILE.mcap`: run a recording again, as processes or in this process, and compare each tick."""
 
 import argparse
+import os
 import shlex
 import sys
 import tempfile
@@ -13,7 +14,15 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.options import Parser, add_bus_options, add_go_timeout_option, add_option, bus_options, run_tool
+from zteam.cli.options import (
+    Parser,
+    add_bus_options,
+    add_go_timeout_option,
+    add_option,
+    bus_options,
+    check_together,
+    run_tool,
+)
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, ZteamError, log
@@ -49,7 +58,7 @@ def _rerun(args: argparse.Namespace) -> int:
     from zteam.simulator.recorded_ticks import write_ticks
     from zteam.team.file.reading import read_team_file
     from zteam.team.launch.check import check_team
-    from zteam.team.launch.plan import with_recording
+    from zteam.team.launch.plan import options_of, with_recording
     from zteam.team.launch.recorded import restore
     from zteam.team.run.again import end_again
     from zteam.version import __version__
@@ -67,17 +76,27 @@ def _rerun(args: argparse.Namespace) -> int:
         if args.team:
             file = read_team_file(find_team(args.team))
             world = check_team(file)
-            launch = msgspec.structs.replace(
-                launch, team=file.team, team_file=file.path, world=world and world.resolve()
-            )
+            if world is None:
+                raise UsageError(f"{args.team}: real robots cannot be run again")
+            launch = msgspec.structs.replace(launch, team=file.team, team_file=file.path, world=world.resolve())
         if args.in_process and not args.bus and launch.team.nodes:
             raise UsageError("a node is a process, which cannot reach a team in one process: say --bus too")
         took_part = frozenset[str]().union(*(each.members for each in run.ticks.values()))
-        if unknown := took_part - {*launch.participants, RECORDER}:
-            raise UsageError(f"{args.file}: cannot be run again: {', '.join(sorted(unknown))} joined by hand")
+        started = {*options_of(launch), *(node.name for node in launch.team.nodes), RECORDER}
+        if unknown := took_part - started:
+            who = ", ".join(sorted(unknown))
+            raise UsageError(f"{args.file}: cannot be run again: {who} joined by hand, or was a function of a program")
         ticks, made = Path(folder, "ticks"), args.keep or Path(folder, "again.mcap")
         write_ticks(ticks, run.sent)
-        pace = msgspec.structs.replace(launch.pace, speed=None, paused=False, recorded=ticks, pause_at=args.pause_at)
+        # The first tick waits for those that took part in it.
+        pace = msgspec.structs.replace(
+            launch.pace,
+            speed=None,
+            paused=False,
+            expect=tuple(run.ticks[1].members & started),
+            recorded=ticks,
+            pause_at=args.pause_at,
+        )
         faults = tuple(filter(launch.is_simulated, launch.faults))
         launch = msgspec.structs.replace(launch, pace=pace, run_for=None, until=run.last + 1, faults=faults)
         launch = with_recording(launch, made, shlex.join(["zteam", *sys.argv[1:]]), force=False)
@@ -111,6 +130,9 @@ def _compare(recorded: Path, made: Path, *, is_part: bool) -> int:
 
     last = max((entry.tick for entry in Recording(made).entries(TICK)), default=0)
     found = compare(recorded, made, until=last if is_part else None)
+    # Those of the first file are known already.
+    for note in found.notes:
+        log.warning("%s", note)
     if found.difference is None:
         print_line(f"{counted(found.ticks, 'tick')}, the same")
         return 0
@@ -118,4 +140,11 @@ def _compare(recorded: Path, made: Path, *, is_part: bool) -> int:
     return DIFFERENT
 
 
-main = partial(run_tool, build_parser, _rerun, name="rerun", needs_output=False)
+def _check(args: argparse.Namespace) -> None:
+    check_together(args, {"--bus": ("--in-process",)}, {})
+    asks_to_connect = (args.connect or "") != os.environ.get("ZTEAM_CONNECT", "")
+    if args.in_process and not args.bus and asks_to_connect:
+        raise UsageError("--connect needs processes, or --bus: none can join a team with --in-process")
+
+
+main = partial(run_tool, build_parser, _rerun, name="rerun", read=_check, needs_output=False)

@@ -156,7 +156,7 @@ class Participant:
         """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
         self._sent_before = 0
-        """What the process had sent before that (`Bus.in_ticks`)."""
+        """How many messages of ticks the process had sent before this tick (`Bus.in_ticks`)."""
         self.is_early = False
         """Whether what it publishes between an answer and the next tick belongs to that tick."""
         self._told_reads = -1

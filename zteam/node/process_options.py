@@ -184,10 +184,15 @@ class ReplayOptions(msgspec.Struct, frozen=True):
 
 def check_new_file(file: Path, *, force: bool) -> None:
     """Raise UsageError where a recording cannot begin in this file: an older one is kept unless `force`."""
-    if file.exists() and not force:
+    is_new = not file.exists()
+    if not (is_new or force):
         raise UsageError(f"{file} exists: choose another file, or say --force to replace it")
-    if not file.absolute().parent.is_dir():
-        raise UsageError(f"{file}: there is no folder {file.parent}")
+    try:
+        file.open("ab").close()
+        if is_new:
+            file.unlink()
+    except OSError as error:
+        raise UsageError(f"{file}: cannot write a recording: {error.strerror}") from None
 
 
 ProcessOptions = (

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from zteam import names
-from zteam.errors import UsageError
+from zteam.errors import DecodeError, UsageError
 from zteam.messages import Tick, decode
 from zteam.record.recording import Recording
 from zteam.simulator.recorded_ticks import RecordedTick, recorded_ticks
@@ -32,7 +32,10 @@ def read_run(path: Path) -> RecordedRun:
     """Raises UsageError for what cannot be run again, with the reason."""
     recording = Recording(path)
     sent = [entry.data for entry in recording.entries(names.TICK) if entry.tick]
-    read = [decode(Tick, each) for each in sent]
+    try:
+        read = [decode(Tick, each) for each in sent]
+    except DecodeError as error:
+        raise UsageError(f"{path}: cannot be run again: {error}") from None
     if reason := _why_not(recording, [each.tick for each in read]):
         raise UsageError(f"{path}: cannot be run again: {reason}")
     return RecordedRun(recording.facts["version"], recording.contents, sent, recorded_ticks(read))

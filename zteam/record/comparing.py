@@ -166,8 +166,8 @@ def compare(
 
     Numbers may differ by `atol` in their own units. `ignore` are key expressions. `on_tick(tick)` is called after each
     tick; the comparison ends before tick `until`. Where several processes may publish a key, the order of its messages
-    within a tick does not matter. The
-    comparison ends with the shorter recording. Raises UsageError for what is no recording, or one without ticks.
+    within a tick does not matter. Where one recording ends earlier, the first tick that it lacks is a difference.
+    Raises UsageError for what is no recording, or one without ticks.
     """
     runs = _Run(a, ignore), _Run(b, ignore)
     topics: dict[str, ComparedTopic] = {}

@@ -33,10 +33,12 @@ def write_copy(recording: Recording, path: Path, *, force: bool = False) -> int:
             writer.put(entry)
             newest = max(newest, entry.tick)
         writer.finish(recording.end_facts or {"ticks": str(max(0, newest - 1)), "recovered": str(True)})
-    except OSError as error:
+    except BaseException as error:
         writer.abandon()
         path.unlink()
-        raise ZteamError(f"{path}: cannot write: {error.strerror}") from None
+        if isinstance(error, OSError):
+            raise ZteamError(f"{path}: cannot write: {error.strerror}") from None
+        raise
     return writer.count
 
 

@@ -78,12 +78,16 @@ class Gatherer:
             if name is not None:
                 return self._on_done(name, sample.payload, source)
             if is_counted:
-                self._streams.setdefault(source, _Stream()).pending.append((key, _type_of(sample), sample.payload))
+                self._streams.setdefault(source, _Stream()).pending.append(
+                    (key, type_of_sample(sample), sample.payload)
+                )
                 return ()
         return [self.beside(sample)]
 
     def _on_clock(self, stamp: int) -> None:
         """Real time: the clock, one message a tick, shows how many ticks have not come."""
+        if stamp <= 0:
+            return
         passed, self.time = stamp - self.time, stamp
         if 0 < passed < stamp:
             self._interval = min(self._interval, passed)
@@ -91,12 +95,13 @@ class Gatherer:
 
     def beside(self, sample: RawSample) -> Entry:
         """A message that belongs to no tick."""
-        return Entry(sample.key, _type_of(sample), self.time, sample.payload)
+        return Entry(sample.key, type_of_sample(sample), self.time, sample.payload)
 
     def _on_tick(self, data: bytes, source: str) -> Iterator[Entry]:
         tick, before = decode(Tick, data), self.tick
         if before is not None and tick.tick < before.tick:
             # The world begins anew.
+            yield from self.rest()
             self._streams.clear()
             self._early.clear()
             before = None
@@ -141,8 +146,7 @@ class Gatherer:
             stream.pending = []
             return
         if stream.answered == answer:
-            # The tick has come again, and so has what was sent in it.
-            stream.pending.clear()
+            # It comes again: the tick has, or a request is handed on.
             return
         if len(data) <= _EARLIER_DONE:
             # It does not say what it reads, so what comes from outside comes to it past the ticks.
@@ -205,7 +209,7 @@ def _part_of(key: str) -> tuple[str | None, bool]:
     return names.process_of(key, names.DONE), is_in_ticks(key)
 
 
-def _type_of(sample: RawSample) -> str:
+def type_of_sample(sample: RawSample) -> str:
     """The ROS name of a message's type; empty where nothing says it."""
     if sample.encoding.startswith(CDR):
         return sample.encoding.removeprefix(CDR)

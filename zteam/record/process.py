@@ -13,13 +13,13 @@ from zteam.bus.bus import SessionInfo, SessionRequest
 from zteam.bus.transport import RawSample, matches
 from zteam.clock import Every, monotonic, to_ns, wait_until
 from zteam.config.numbers import counted
-from zteam.errors import ZteamError, log
+from zteam.errors import DecodeError, log
 from zteam.messages.topics import is_latched, is_measured
 from zteam.node.lockstep import TickState
 from zteam.node.node import Node
 from zteam.node.process_options import RecorderOptions
 from zteam.node.steps import Due, NoSteps
-from zteam.record.gathering import Gatherer
+from zteam.record.gathering import Gatherer, type_of_sample
 from zteam.record.writing import Entry, RecordingWriter
 
 _PERIOD = 0.05
@@ -27,9 +27,11 @@ _PERIOD = 0.05
 _FLUSH = 0.9
 """Host seconds after which what was recorded outlives the recorder."""
 _MOST = 64 << 20
-"""Bytes that wait to be written. In lock-step the world waits then, otherwise they are lost."""
+"""Bytes that may wait to be written. What comes beyond them is lost in real time; in lock-step the world waits."""
 _OBJECT = 1000
 """Bytes that a message within this process is taken for."""
+_MOST_TYPES = 256
+"""Encodings that are looked at."""
 _LIMIT = 10.0
 """Host seconds that a tick waits for that."""
 _HISTORY = 2.0
@@ -41,7 +43,9 @@ class Recorder:
 
     def __init__(self, node: Node, options: RecorderOptions, contents: Mapping[str, bytes]) -> None:
         self._node, self._options = node, options
-        facts = {"command": options.command, "seed": str(options.seed), "keys": " ".join(options.keys)}
+        facts = {"command": options.command, "keys": " ".join(options.keys)}
+        if options.launch is not None:
+            facts["seed"] = str(options.seed)
         if options.last is not None:
             facts["last"] = str(options.last)
         self.writer = RecordingWriter(options.file, facts, contents, force=options.force)
@@ -49,8 +53,8 @@ class Recorder:
         self._arrived: deque[RawSample] = deque()
         self._bytes = 0
         self._room = threading.Condition()
-        self._asked: dict[str, bool] = {}
-        """Types that are none of zteam's: whether their definition is known."""
+        self._met: set[str] = set()
+        """The encodings of messages, which were looked at once."""
         self.lost = 0
         self.first_data = 0.0
         """Host time of the first message of a base; 0 before."""
@@ -85,41 +89,49 @@ class Recorder:
 
     def end_history(self) -> None:
         """All that was latched before is there."""
-        if self._latched is None:
+        if self._latched is None or not self._is_timed():
             return
         self._history.close()
         self.drain()
         latched, self._latched = self._latched, None
         for sample in latched.values():
             if (sample.key, sample.payload) not in self._live:
-                self._put(self._gatherer.beside(sample), sample.source)
+                self._learn(sample)
+                self._put(self._gatherer.beside(sample))
         self._live.clear()
 
     def drain(self) -> None:
         """Write what has come, once it is known what time that is. Raises OSError."""
-        clock = self._node.clock
-        if not (clock.decided or self._node.stopping):
+        if not self._is_timed():
             return
-        if not clock.simulated:
+        clock = self._node.clock
+        if not clock.simulated or not self._gatherer.time:
             self._gatherer.time = clock.now()
         while self._arrived:
             sample = self._arrived.popleft()
             if self._latched is not None:
                 self._live.add((sample.key, sample.payload))
-            for entry in self._gatherer.take(sample):
-                self._put(entry, sample.source)
+            if sample.encoding not in self._met:
+                self._learn(sample)
+            try:
+                for entry in self._gatherer.take(sample):
+                    self._put(entry)
+            except DecodeError as error:
+                self._node.bus.counters.drop(sample.key, str(error))
         with self._room:
             self._bytes = 0
             self._room.notify_all()
 
-    def _put(self, entry: Entry, session: str) -> None:
+    def _is_timed(self) -> bool:
+        """Whether it is known what time it is. At the end that is waited for no longer."""
+        return self._node.clock.now() > 0 or self._node.stopping
+
+    def _put(self, entry: Entry) -> None:
         keys = self._options.keys
-        if keys and not any(matches(each, entry.key) for each in keys):
-            return
-        if not (self.writer.knows(entry.type) or self._learn(entry, session)):
+        if not self.writer.knows(entry.type) or (keys and not any(matches(each, entry.key) for each in keys)):
             return
         if self._options.last is None:
-            self.writer.put(entry)
+            self._write(entry)
             return
         self._kept.append(entry)
         while self._kept[0].time < entry.time - to_ns(self._options.last):
@@ -132,29 +144,37 @@ class Recorder:
         self.end_history()
         self.drain()
         for entry in self._gatherer.rest():
-            self._put(entry, "")
+            self._put(entry)
         self._write_kept()
 
     def _write_kept(self) -> None:
         """With `last`: write what was kept, after the last messages of latched keys from before."""
         for entry in (*self._older.values(), *self._kept):
-            self.writer.put(entry)
+            self._write(entry)
 
-    def _learn(self, entry: Entry, session: str) -> bool:
-        """Ask the session that publishes a type of the user's own for its definition."""
-        if entry.type not in self._asked:
-            answers = []
-            if entry.type:
-                asked = names.session_info_key(session)
-                answers = self._node.bus.find(asked, SessionInfo, SessionRequest(type=entry.type))
-            found = next((info.definition for _, info in answers if info.definition), "")
-            if found:
-                self.writer.define(entry.type, found)
-            else:
-                what = f"its type {entry.type} is not known" if entry.type else "its messages name no type"
-                log.warning("%s is left out: %s", entry.key, what)
-            self._asked[entry.type] = bool(found)
-        return self._asked[entry.type]
+    def _write(self, entry: Entry) -> None:
+        if problem := self.writer.put(entry):
+            self._node.bus.counters.drop(entry.key, problem)
+
+    def _learn(self, sample: RawSample) -> None:
+        """An encoding comes for the first time: ask the session that publishes a type of the user's own for its
+        definition."""
+        kind = type_of_sample(sample)
+        if len(self._met) < _MOST_TYPES:
+            self._met.add(sample.encoding)
+        elif not self.writer.knows(kind):
+            # A sender can invent types.
+            return
+        if self.writer.knows(kind):
+            return
+        asked = names.session_info_key(sample.source)
+        answers = self._node.bus.find(asked, SessionInfo, SessionRequest(type=kind)) if kind else []
+        found = next((info.definition for _, info in answers if info.definition), "")
+        if found:
+            self.writer.define(kind, found)
+        else:
+            what = f"its type {kind} is not known" if kind else "its messages name no type"
+            log.warning("%s is left out: %s", sample.key, what)
 
     def facts(self) -> dict[str, str]:
         """What the recording says of itself at its end."""
@@ -210,9 +230,11 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
         recorder.writer.finish(recorder.facts())
     except OSError as error:
         recorder.writer.abandon()
-        raise ZteamError(
-            f"{options.file}: {error.strerror}: the recording ends here; 'zteam recording recover' makes it whole"
-        ) from None
+        text = "%s: %s: the recording ends here; 'zteam recording recover' makes it whole"
+        log.error(text, options.file, error.strerror)
+        # The process may have been asked to stop already.
+        node.exit_code = 1
+        return
     for name, key in recorder.stray.items():
         log.warning("%s publishes %s outside of its steps: such a run does not repeat", name, key)
     if recorder.missed:
@@ -220,5 +242,7 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
     if recorder.lost:
         log.warning("%s could not be written in time, and are lost", counted(recorder.lost, "message"))
     if gap := recorder.gap():
-        raise ZteamError(f"{options.file} lacks messages, so it proves nothing: {gap}")
+        log.error("%s lacks messages, so it proves nothing: %s", options.file, gap)
+        node.exit_code = 1
+        return
     log.info("%s has %s", options.file, counted(recorder.writer.count, "message"))

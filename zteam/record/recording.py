@@ -59,7 +59,8 @@ class RecordingReport(msgspec.Struct, kw_only=True):
     version: str
     """Of the zteam that has recorded it."""
     command: str
-    seed: int
+    seed: int | None
+    """None where it was recorded beside a running team."""
     keys: list[str]
     """Key expressions that were recorded; empty for all."""
     is_finished: bool
@@ -287,7 +288,10 @@ class Recording:
             raise UsageError(f"{robot!r} is no robot; give 7 or 'robot_7'")
         rows = []
         for time, message in self.messages(names.robot_key(robot_id, names.GROUND_TRUTH)):
-            truth: Odometry = message
+            if not isinstance(message, Odometry):
+                # Any program can publish on a key.
+                continue
+            truth = message
             at, q = truth.pose.pose.position, truth.pose.pose.orientation
             rows.append((time / 1e9, at.x, at.y, yaw_from_quaternion(q.x, q.y, q.z, q.w)))
         return np.array(rows, np.float64).reshape(-1, 4)
@@ -299,10 +303,10 @@ class Recording:
         topics, newest = self._scanned
         robot_ids = sorted({target[0] for key in topics if (target := names.split_robot_key(key))})
         try:
-            seed, ticks, lost, missed = (
+            seed = int(begin["seed"]) if "seed" in begin else None
+            ticks, lost, missed = (
                 int(facts.get(name, default))
                 for facts, name, default in (
-                    (begin, "seed", 0),
                     (end, "ticks", max(0, newest - 1)),
                     (end, "lost", 0),
                     (end, "missed", 0),

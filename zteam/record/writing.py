@@ -17,6 +17,8 @@ from zteam.version import __version__
 
 FACTS = "zteam"
 """The name of the metadata records: one of the beginning, and in a finished file one of the end."""
+_MOST_CHANNELS = 10_000
+"""A sender can invent keys, and a file has room for 65,535."""
 _RELIABLE, _KEEP_LAST, _VOLATILE, _TRANSIENT_LOCAL = 1, 1, 2, 1
 """Values of ROS 2's rmw_qos_profile_t, as integers: without a record of rosbag2, its readers take version 8."""
 
@@ -75,11 +77,18 @@ class RecordingWriter:
             self.define(kind, definition_of(REGISTERED[kind]))
         return kind in self._schemas
 
-    def put(self, entry: Entry) -> None:
-        """Record a message, whose type is known."""
-        channel = self._channels.get((entry.key, entry.type)) or self._open_channel(entry.key, entry.type)
+    def put(self, entry: Entry) -> str:
+        """Record a message, whose type is known. Why it cannot be recorded; empty if it is."""
+        if not (0 <= entry.time < 1 << 63 and 0 <= entry.tick < 1 << 32):
+            return "its time, or its tick, is too large for a recording"
+        channel = self._channels.get((entry.key, entry.type))
+        if channel is None:
+            if len(self._channels) >= _MOST_CHANNELS:
+                return f"the recording has {_MOST_CHANNELS} keys already"
+            channel = self._open_channel(entry.key, entry.type)
         self._writer.add_message(channel, entry.time, entry.data, entry.time, entry.tick)
         self.count += 1
+        return ""
 
     def _open_channel(self, key: str, kind: str) -> int:
         if not self.knows(kind):

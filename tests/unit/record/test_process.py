@@ -9,9 +9,10 @@ import pytest
 from mcap.reader import make_reader
 
 from support.limits import LIMIT
+from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError, ZteamError
-from zteam.messages import Clock, Message, OccupancyGrid, String, TFMessage, time_from_ns
+from zteam.messages import Clock, Message, OccupancyGrid, String, TFMessage, Time, time_from_ns
 from zteam.node.node import Node
 from zteam.node.process_node import ClockMode
 from zteam.node.process_options import RecorderOptions
@@ -32,8 +33,8 @@ def record(hub: MemoryHub, tmp_path: Path) -> Iterator[Callable[..., Callable[[]
     """Begins a recording; the call that it returns ends it, raises its error, and returns the file."""
     stops: list[Stop] = []
 
-    def begin(clock: ClockMode = "wall", **options: object) -> Callable[[], Path]:
-        stop, file, errors, begun = Stop(), tmp_path / "run.mcap", list[BaseException](), threading.Event()
+    def begin(clock: ClockMode = "wall", code: int = 0, **options: object) -> Callable[[], Path]:
+        stop, file, errors, begun = Stop(), tmp_path / "run.mcap", list[ZteamError](), threading.Event()
         stops.append(stop)
         node = Node("recorder", hub.bus(), stop, clock)
         node.on_present(begun.set)
@@ -56,6 +57,7 @@ def record(hub: MemoryHub, tmp_path: Path) -> Iterator[Callable[..., Callable[[]
             thread.join()
             for error in errors:
                 raise error
+            assert node.exit_code == code
             return file
 
         return end
@@ -129,10 +131,13 @@ def test_an_older_recording_is_kept(record: Callable[..., Callable[[], Path]]) -
 
 
 def test_a_full_disk_ends_the_recording_and_keeps_what_it_has(
-    hub: MemoryHub, record: Callable[..., Callable[[], Path]], monkeypatch: pytest.MonkeyPatch
+    hub: MemoryHub,
+    record: Callable[..., Callable[[], Path]],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """With an error of one line that says so."""
-    end, is_full = record(), threading.Event()
+    """With an error of one line that says so, and exit code 1, also where it was asked to stop already."""
+    end, is_full = record(code=1), threading.Event()
 
     def flush(_: writing.RecordingWriter) -> None:
         is_full.set()
@@ -141,5 +146,20 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_it_has(
     monkeypatch.setattr(writing.RecordingWriter, "flush", flush)
     hub.bus().publisher("chat", String).put(String("x"))
     assert is_full.wait(LIMIT)
-    with pytest.raises(ZteamError, match="No space left"):
-        end()
+    end()
+    assert [each.levelname for each in caplog.records if "No space left" in each.getMessage()] == ["ERROR"]
+
+
+def test_what_cannot_be_recorded_ends_no_recording(hub: MemoryHub, record: Callable[..., Callable[[], Path]]) -> None:
+    """A tick that cannot be read, a time that does not fit, and more types than anybody has."""
+    end = record()
+    stranger = hub.bus()
+    stranger.declare_token(names.lockstep_key(stranger.instance))
+    tick, kind = hub.bus().transport, "application/cdr;zteam_msgs/msg/Tick"
+    stranger.transport.declare_publisher(names.TICK, kind, False).put(b"short")
+    tick.declare_publisher(names.TICK, kind, False).put(b"short")
+    stranger.publisher("clock", Clock).put(Clock(Time(-5)))
+    for number in range(400):
+        stranger.transport.declare_publisher("odd", f"application/cdr;my/msg/T{number}", False).put(b"")
+    stranger.publisher("chat", String).put(String("all the same"))
+    assert topics(end())["/chat"] == 1

@@ -135,14 +135,18 @@ class LockStep:
         if token is None or token[0] == names.SIMULATOR:
             return
         with self._changed:
-            if alive and self.tick.note_return(*token):
-                log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
-            if self.tick.on_token(*token, alive):
-                self._send_for_token()
-            if not self.tick.holders.names_of(token[1]):
-                self.outside.part_with(token[1])
-                self._asked.pop(token[1], None)
-            self._changed.notify_all()
+            if not self.tick.defers(*token, alive):
+                self._take_token(*token, alive)
+
+    def _take_token(self, name: str, session: str, alive: bool) -> None:
+        if alive and self.tick.note_return(name, session):
+            log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", name)
+        if self.tick.on_token(name, session, alive):
+            self._send_for_token()
+        if not self.tick.holders.names_of(session):
+            self.outside.part_with(session)
+            self._asked.pop(session, None)
+        self._changed.notify_all()
 
     def _send_for_token(self) -> None:
         now = monotonic()
@@ -229,7 +233,9 @@ class LockStep:
             open_tick.recorded = self.outside.recorded(tick)
             wait_until(self._changed, lambda: stop.requested or not open_tick.lacks_recorded(), _JOIN_LIMIT)
             if absent := open_tick.lacks_recorded():
-                log.error("tick %d: %s took part in the run that is run again", tick, ", ".join(absent))
+                open_tick.given_up.update(absent)
+                text = "tick %d: %s took part in the run that is run again, and is not there: the world goes on"
+                log.error(text, tick, ", ".join(absent))
             open_tick.open(stamp, tick, robots, out)
             self._is_unsent = True
             return self._carry()
@@ -249,8 +255,8 @@ class LockStep:
             self.tick.count_sent(count.sent - self._sent_before)
             self._sent_before = count.sent
             self._send_again()
-            if self.tick.go_on():
-                self._send_again()
+            for token in self.tick.go_on():
+                self._take_token(*token)
         self._patience = Patience(self._timeout, monotonic())
 
     def wait(self, resend: Resend) -> bool:

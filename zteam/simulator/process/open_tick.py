@@ -64,6 +64,8 @@ class OpenTick:
         self._start = Start.HELD
         self.out: frozenset[str] = frozenset()
         """Processes that a fault on purpose keeps out of the tick. They join when it is over."""
+        self.given_up: set[str] = set()
+        """Processes that did not come as they did in the run that is run again: no tick waits for them any more."""
         self.recorded: RecordedTick | None = None
         """What the tick was in the run that is run again: the same processes join, and leave, in it."""
         self._go_epoch = 0
@@ -74,11 +76,15 @@ class OpenTick:
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
+    def defers(self, name: str, session: str, alive: bool) -> bool:
+        """Whether a token has to wait until the next tick is sent, which `go_on` tells."""
+        waits = self._is_between and (not alive or any(name == late for late, *_ in self._late))
+        if waits:
+            self._late.append((name, session, alive))
+        return waits
+
     def on_token(self, name: str, session: str, alive: bool) -> bool:
         """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
-        if self._is_between and (not alive or any(name == late for late, *_ in self._late)):
-            self._late.append((name, session, alive))
-            return False
         self.holders.take(name, session, alive)
         self._sessions_of = None
         if name not in self.holders:
@@ -97,10 +103,10 @@ class OpenTick:
         self._is_between = True
         return self.commands(robots)
 
-    def go_on(self) -> bool:
-        """The next tick is sent: take the tokens that have waited for it. True if it has to be sent again for that."""
+    def go_on(self) -> list[tuple[str, str, bool]]:
+        """The next tick is sent; the tokens that have waited for it."""
         late, self._late, self._is_between = self._late, [], False
-        return [self.on_token(*each) for each in late].count(True) > 0
+        return late
 
     def note_return(self, name: str, session: str) -> bool:
         """A token has come. True, once, if it is that of a participant that had left: frozen or without a link. A
@@ -155,7 +161,7 @@ class OpenTick:
         if self._start is not Start.HELD or not self.absent:
             tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
             if self.joining or self.out:
-                early = self.joining - self.recorded.members if self.recorded is not None and not self.held else set()
+                early = set[str]() if self.recorded is None else self.joining - self.recorded.members
                 present = {*self.members, *self.joining} - early
                 self.joined = sorted(present - self.out - {*self.members})
                 self.members, self.joining = sorted(present - self.out), (present & self.out) | early
@@ -182,7 +188,9 @@ class OpenTick:
         self.message, self.answers, self.left = Tick(), {}, set()
 
     def missing(self) -> list[str]:
-        return [name for name in self.members if name not in self.answers]
+        """The participants that have not answered; in a run that is run again, and those that have still to end."""
+        ends = frozenset[str]() if self.recorded is None else self.recorded.leaving
+        return [name for name in self.members if name not in self.answers or name in ends]
 
     @property
     def absent(self) -> list[str]:
@@ -207,14 +215,12 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        if self._start is Start.HELD or self.must_reopen or self.missing():
-            return False
-        return self.recorded is None or self.recorded.leaving.isdisjoint(self.members)
+        return self._start is not Start.HELD and not self.must_reopen and not self.missing()
 
     def lacks_recorded(self) -> list[str]:
         """The processes that have to join the tick that is about to be opened, and have not asked to."""
         known = frozenset[str]() if self.recorded is None or self.held else self.recorded.members
-        return sorted(known.difference(self.members, self.joining))
+        return sorted(known.difference(self.members, self.joining, self.given_up))
 
     @property
     def may_go_on(self) -> bool:

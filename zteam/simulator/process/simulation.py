@@ -126,7 +126,10 @@ class Simulation:
             self.holds.note(robot_id, STOPS[topic])
         elif topic in self._changes:
             request_type, change = self._changes[topic]
-            change(msgspec.json.decode(recorded.data.tobytes(), type=request_type))
+            try:
+                change(msgspec.json.decode(recorded.data.tobytes(), type=request_type))
+            except UsageError as error:
+                log.error("tick %d: %s cannot be done again: %s", self.engine.tick + 1, topic, error)
 
     def _stop(self, robot_id: int, stopped: bool) -> None:
         """A query stops or releases a robot: in lock-step with the next tick, for its process too."""

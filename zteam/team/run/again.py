@@ -34,6 +34,8 @@ def end_again(run: TeamRun, ticks: Mapping[int, RecordedTick]) -> None:
                 ended.remove(name)
                 members.restart(name)
 
+        subscription.close()
+
+    subscription = bus.subscribe(names.TICK, Tick, lambda _, tick: came.put(tick))
     # A process of the team that is started takes its time.
     threading.Thread(target=work, name="again", daemon=True).start()
-    bus.subscribe(names.TICK, Tick, lambda _, tick: came.put(tick))

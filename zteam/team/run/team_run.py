@@ -210,9 +210,10 @@ class TeamRun:
         """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
         if not self.launch.has_end:
             return []
-        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.optional]
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended]
         if begun:
             return [name for name in ended if (kind := kind_of(name)) is not None and kind.required_to_finish]
+        # The first tick waits for an optional one too that takes part, such as the recorder.
         return [name for name in ended if name not in self.plan.unawaited]
 
     def _last_words(self, name: str) -> str:

@@ -6,6 +6,7 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 """
 
 import copy
+import hashlib
 import itertools
 import logging
 import os
@@ -113,7 +114,9 @@ class TeamFixture:
     @property
     def recording(self) -> Path:
         """The file of a team that is recorded."""
-        return self._folder() / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', self._test) or 'team'}.mcap"
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", self._test)[-80:]
+        # Two tests may have names that differ in other letters alone.
+        return self._folder() / f"{name}_{hashlib.sha256(self._test.encode()).hexdigest()[:6]}.mcap"
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
