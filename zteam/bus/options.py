@@ -51,14 +51,17 @@ RUNTIMES = {
     "small": "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), "
     "net: (handover: app))",
     "usual": "(app: (worker_threads: 1), rx: (handover: app), acc: (handover: app), net: (handover: app))",
+    "large": "(app: (worker_threads: 1), rx: (worker_threads: 2), acc: (handover: app), net: (handover: app))",
     "router": "(rx: (worker_threads: 2), app: (handover: rx), acc: (handover: rx), net: (handover: rx))",
 }
 """How many threads Zenoh uses in a process, instead of its seven: with many small processes on few cores, most of the
 cost of a message is waking threads (docs/benchmarks.md).
 
 `small` is one in all, for processes that send nothing large: an answer that waits for room in the queue, such as a map
-for a late subscriber, would wait for the very thread that makes room. `usual` has one more for sending. The router has
-two for receiving, so that one that waits for a slow client does not hold the others.
+for a late subscriber, would wait for the very thread that makes room. `usual` has one more for sending. `large` has two
+more for receiving. With `usual` a process with 5 MB of latched messages stood still for 5 s and lost its link: the
+thread that waited for room did not look at the socket. The router has two for receiving, so that one that waits for a
+slow client does not hold the others.
 """
 
 
@@ -132,6 +135,8 @@ class BusOptions(msgspec.Struct, frozen=True):
     """With it this process speaks mutual TLS only."""
     give_up: float | None = None
     """Host seconds without a router after which this process ends; None: it waits for ever."""
+    large: bool = False
+    """Whether it has latched messages of more than a few megabytes together."""
 
     @classmethod
     def from_environment(cls) -> "BusOptions":
@@ -291,10 +296,14 @@ def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
         os.environ.pop(RUNTIME_VARIABLE, None)
 
 
+def _runtime_of(options: BusOptions) -> str:
+    return "small" if options.small else "large" if options.large else "usual"
+
+
 def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session | None:
     """A session of a client; None if no router takes it. Raises UsageError."""
     try:
-        return open_session(client_config(options), runtime or ("small" if options.small else "usual"))
+        return open_session(client_config(options), runtime or _runtime_of(options))
     except zenoh.ZError as error:
         log.debug("open: %s", zenoh_text(error))
         return None

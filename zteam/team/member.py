@@ -53,7 +53,8 @@ def run_member(
     except Exception as error:
         # In the code of a user's behaviour.
         return log_fault(error)
-    return run_node(part.name or name, bus_options(part.small), part.body, clock or part.clock, make=part.make)
+    bus = msgspec.structs.replace(bus_options(part.small), large=part.large)
+    return run_node(part.name or name, bus, part.body, clock or part.clock, make=part.make)
 
 
 def _fail(name: str, text: str, code: int) -> int:

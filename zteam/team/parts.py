@@ -24,6 +24,8 @@ class Part(NamedTuple):
     clock: ClockMode = "auto"
     small: bool = False
     """As in BusOptions."""
+    large: bool = False
+    """The same."""
     name: str = ""
     """Its name on the bus, if that is not the one of its log."""
 
@@ -138,7 +140,7 @@ def _replay(options: process_options.ReplayOptions) -> Part:
 
     recording = Recording(options.file)
     timeline = Timeline(recording)
-    return Part(lambda node: run_replay(node, timeline, options, world_of(recording.contents)))
+    return Part(lambda node: run_replay(node, timeline, options, world_of(recording.contents)), large=True)
 
 
 _MAKERS: dict[type, Callable[[Any], Part]] = {
