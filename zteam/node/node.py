@@ -16,19 +16,21 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, Deferred, NoRequest, Publisher, connect
 from zteam.bus.graph import find_graph, unpublished
 from zteam.bus.transport import Closeable, RawSample, let_end
-from zteam.clock import Every, monotonic, to_ns
+from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import BusError, UsageError, check_call, log
-from zteam.messages import Message, NavigationStatus, RobotStatus, TeamState, TeamStatus, Tick, Twist
+from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamState, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
+from zteam.messages.planar import checked_command
 from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks, place_in
 from zteam.node.lockstep import Lacking, Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop
-from zteam.node.steps import Act, Due, Step, StepTimer, UserStep
+from zteam.node.steps import Act, Due, Step, StepTimer
 from zteam.node.stopping import STOPS, StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
+from zteam.node.working import StepWatch
 
 M = TypeVar("M", bound=Message)
 Request = TypeVar("Request", bound=msgspec.Struct)
@@ -38,6 +40,73 @@ HEARTBEAT = 1.0
 _SEARCH_AFTER = 5.0
 """Host seconds, or simulated seconds of its steps, without a message after which a node looks whether anything
 publishes it."""
+
+
+class UserStep:
+    """The steps of a user's node, `step(now)`, and their timer in real time: every `period` seconds."""
+
+    def __init__(self, node: "Node", step: Step, period: float) -> None:
+        self._node, self._step, self._period = node, step, period
+        is_own = names.navigated_robot_of(node.name) is None
+        way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
+        self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
+        self._returned = Every(60.0)
+        self._rate: Rate | None = None
+        """The moments of its steps. In lock-step the next tick takes the moment that has come."""
+        self._is_due = False
+        self._forget()
+        node.on_time_reset(self._forget)
+
+    def _forget(self) -> None:
+        self._held: tuple[int, Twist | None] = -1, None
+        """Time (ns) and command of the first tick, which is held: GO opens that tick anew, and chance decides if it was
+        answered before."""
+
+    def wait(self, limit: float) -> None:
+        """Wait for simulated time, then for GO, then for the next moment."""
+        node, clock = self._node, self._node.clock
+        if not clock.decided or clock.now() == 0:
+            node.wait(lambda: clock.now() > 0, 0.1)
+        elif node.wait(lambda: node.pass_gate(node.lacking, go_epoch(node.team, clock.now())), 0.5):
+            self._is_due = node.wait_for_moment(self._moments(clock.steady()))
+
+    def _moments(self, now: int) -> Rate:
+        if self._rate is None:
+            # The first moment is now.
+            self._rate, self._node.began = Rate(to_ns(self._period), now - to_ns(self._period)), now
+        return self._rate
+
+    def take(self) -> int | None:
+        """The time of the moment that has come."""
+        is_due, self._is_due = self._is_due, False
+        return self._node.clock.now() if is_due else None
+
+    def act(self, due: Due) -> Twist | None:
+        """Call the user's step from GO on; in the first tick, which comes again with GO, once."""
+        if not self._node.pass_gate(self._node.lacking, due.epoch):
+            return None
+        if due.tick is not None:
+            if due.now == self._held[0]:
+                return self._held[1]
+            if due.tick.tick == 1:
+                # Simulated time begins, perhaps again.
+                self._rate = None
+            if self._moments(due.now).left(due.now):
+                return None
+            self._moments(due.now).take(due.now)
+        # In lock-step the next tick waits for it.
+        command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
+        if command is not None and self._node.robot_id is not None:
+            command = checked_command(command, f"{self._node.name}: step", self._node.robot_id)
+        elif command is not None:
+            if self._returned.due():
+                name, kind = self._node.name, type(command).__name__
+                log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
+            command = None
+        if due.tick is not None:
+            self._held = due.now if due.tick.epoch == 0 else -1, command
+        self._node.report(due, RobotDriver.BEHAVIOR, command)
+        return command
 
 
 class Node(ProcessNode):

@@ -35,7 +35,6 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.node import node as node_module
-from zteam.node import steps
 from zteam.node.shutdown import Stop
 from zteam.testing import run_node
 
@@ -121,7 +120,7 @@ def test_a_jump_back_forgets_what_waits_for_a_tick(hub: MemoryHub, make: Make) -
     node.subscribe("camera/seen", Bool, lambda _, message: taken.append(message.data))
     seen = hub.bus().publisher("camera/seen", Bool)
     simulator.appear()
-    node.adopt(lambda _due: None, steps.UserStep(node, lambda _now: None, 1.0))
+    node.adopt(lambda _due: None, node_module.UserStep(node, lambda _now: None, 1.0))
     node.become_present()
     for tick, is_seen in ((50, True), (1, False), (2, True)):
         simulator.tick(tick, "planner")
@@ -479,8 +478,8 @@ def test_a_clock_that_comes_at_once_is_taken(
 def test_a_user_without_a_step_is_not_told_to_do_less_in_it(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where steps take too long, the way out is in the user's code, but for navigation, which is zteam's own."""
     ways: dict[str, str] = {}
-    monkeypatch.setattr(steps, "StepWatch", lambda step, _rhythm, way_out: ways.update({step: way_out}))
+    monkeypatch.setattr(node_module, "StepWatch", lambda step, _rhythm, way_out: ways.update({step: way_out}))
     for name in ("crowd", names.navigation_name(0)):
-        steps.UserStep(zteam.Node(name, hub.bus(), Stop()), lambda now: None, 0.1)
+        node_module.UserStep(zteam.Node(name, hub.bus(), Stop()), lambda now: None, 0.1)
     assert ways["crowd: step"] == "do less in a step"
     assert "machine" in ways["nav_0: step"]
