@@ -84,8 +84,10 @@ def _rerun(args: argparse.Namespace) -> int:
         took_part = frozenset[str]().union(*(each.members for each in run.ticks.values()))
         started = {*options_of(launch), *(node.name for node in launch.team.nodes), RECORDER}
         if unknown := took_part - started:
-            who = ", ".join(sorted(unknown))
-            raise UsageError(f"{args.file}: cannot be run again: {who} joined by hand, or was a function of a program")
+            joined = ", ".join(sorted(unknown))
+            raise UsageError(
+                f"{args.file}: cannot be run again: {joined} joined by hand, or was a function of a program"
+            )
         ticks, made = Path(folder, "ticks"), args.keep or Path(folder, "again.mcap")
         write_ticks(ticks, run.sent)
         # The first tick waits for those that took part in it.
