@@ -59,16 +59,17 @@ class Screen:
         if sessions is None:
             self.forget()
             return []
-        if (sessions, len(self._simulators)) != self._opened:
+        now, latched = self.sessions, list[tuple[SampleHandler, RawSample]]()
+        if now is None or (sessions, len(self._simulators)) != self._opened:
             self._opened = sessions, len(self._simulators)
-            self._received.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
-        if not (self._waiting or self._latched):
+            now = self._received.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
+            # Those of other sessions wait on, and are not looked at in each tick.
+            latched = self._latched.take(now)
+        if not (self._waiting or latched):
             return []
-        now = self.sessions
-        assert now is not None
         waiting = self._waiting.take()
         listed = [each for each in waiting if each[1].source in now]
-        for handler, sample in [*listed, *self._latched.take(now)]:
+        for handler, sample in [*listed, *latched]:
             handler(sample)
         return [sample.key for _, sample in waiting if sample.source not in now]
 
@@ -86,8 +87,8 @@ class _Kept:
         self._most_bytes, self._bytes = most_bytes, 0
         self._kept: dict[Any, tuple[SampleHandler, RawSample]] = {}
 
-    def __bool__(self) -> bool:
-        return bool(self._kept)
+    def __len__(self) -> int:
+        return len(self._kept)
 
     def keep(self, place: Any, handler: SampleHandler, sample: RawSample) -> None:
         """Keep a message, in place of the one that had its `place`; forget the oldest ones if these are too many."""

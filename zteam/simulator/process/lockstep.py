@@ -231,7 +231,8 @@ class LockStep:
         with self._changed:
             open_tick, stop = self.tick, self._node.stop
             open_tick.recorded = self.outside.recorded(tick)
-            wait_until(self._changed, lambda: stop.requested or not open_tick.lacks_recorded(), _JOIN_LIMIT)
+            if open_tick.lacks_recorded():
+                wait_until(self._changed, lambda: stop.requested or not open_tick.lacks_recorded(), _JOIN_LIMIT)
             if absent := open_tick.lacks_recorded():
                 open_tick.given_up.update(absent)
                 text = "tick %d: %s took part in the run that is run again, and is not there: the world goes on"

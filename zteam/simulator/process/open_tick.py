@@ -219,8 +219,9 @@ class OpenTick:
 
     def lacks_recorded(self) -> list[str]:
         """The processes that have to join the tick that is about to be opened, and have not asked to."""
-        known = frozenset[str]() if self.recorded is None or self.held else self.recorded.members
-        return sorted(known.difference(self.members, self.joining, self.given_up))
+        if self.recorded is None or self.held:
+            return _NOBODY
+        return sorted(self.recorded.members.difference(self.members, self.joining, self.given_up))
 
     @property
     def may_go_on(self) -> bool:
