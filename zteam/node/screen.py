@@ -25,7 +25,7 @@ class Screen:
     def __init__(self, received: Receiver, lock: RLock, simulators: Set[str]) -> None:
         """`simulators` are the sessions of those in lock-step."""
         self._received, self._lock, self._simulators = received, lock, simulators
-        self._opened: tuple[Sequence[str], int] | None = None
+        self._opened: tuple[Sequence[str], int] = (), 0
         """The sessions of the newest tick, and the number of simulators."""
         self._waiting = _Kept(_MOST_BYTES)
         """In the order in which they came."""
@@ -60,8 +60,11 @@ class Screen:
             self.forget()
             return []
         now, latched = self.sessions, list[tuple[SampleHandler, RawSample]]()
-        if now is None or (sessions, len(self._simulators)) != self._opened:
-            self._opened = sessions, len(self._simulators)
+        opened, count = self._opened, len(self._simulators)
+        # The list is the same one in most ticks: to compare its texts takes time in each.
+        is_known = now is not None and (sessions is opened[0] or sessions == opened[0]) and count == opened[1]
+        if now is None or not is_known:
+            self._opened = sessions, count
             now = self._received.sessions = frozenset((*sessions, *self._simulators, FROM_TICK))
             # Those of other sessions wait on, and are not looked at in each tick.
             latched = self._latched.take(now)
@@ -75,7 +78,7 @@ class Screen:
 
     def forget(self) -> None:
         """There are no ticks any more: all messages count."""
-        self._received.sessions = self._opened = None
+        self._received.sessions = None
         for handler, sample in [*self._latched.take(), *self._waiting.take()]:
             handler(sample)
 

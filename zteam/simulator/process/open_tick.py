@@ -189,8 +189,10 @@ class OpenTick:
 
     def missing(self) -> list[str]:
         """The participants that have not answered; in a run that is run again, and those that have still to end."""
-        ends = frozenset[str]() if self.recorded is None else self.recorded.leaving
-        return [name for name in self.members if name not in self.answers or name in ends]
+        silent = [name for name in self.members if name not in self.answers]
+        if self.recorded is not None:
+            silent += [name for name in self.members if name in self.recorded.leaving and name in self.answers]
+        return silent
 
     @property
     def absent(self) -> list[str]:
