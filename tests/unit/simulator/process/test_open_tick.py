@@ -4,6 +4,7 @@ import pytest
 
 from zteam.messages import Done, Twist, Vector3
 from zteam.simulator.process.open_tick import OpenTick
+from zteam.simulator.recorded_ticks import RecordedTick
 
 
 def join(tick: OpenTick, *names: str) -> None:
@@ -70,6 +71,43 @@ def test_a_tick_is_over_with_the_last_answer() -> None:
     assert (tick.is_over, tick.waiting_for()) == (False, "robot_0")
     answer(tick, "robot_0")
     assert (tick.is_over, tick.waiting_for()) == (True, "")
+
+
+def test_a_process_that_ends_between_two_ticks_ends_in_the_second() -> None:
+    """Its command of the first one is taken already. A process of its name that comes meanwhile is another one, and no
+    other token waits."""
+    tick = begun("robot_0", "robot_1", "tf")
+    answer(tick, "robot_0", "robot_1", "tf")
+    assert not tick.defers("robot_0", "session-robot_0", False)
+    tick.take_commands({0, 1})
+    assert tick.defers("robot_1", "session-robot_1", False)
+    assert tick.defers("robot_1", "another", True)
+    assert not tick.defers("planner", "session-planner", True)
+    assert tick.open(0, 3, []).participants == ["robot_0", "robot_1", "tf"]
+    late = tick.go_on()
+    assert late == [("robot_1", "session-robot_1", False), ("robot_1", "another", True)]
+    assert [tick.on_token(*each) for each in late] == [True, True]
+    assert tick.refreshed().participants == ["robot_0", "tf"]
+    assert not tick.defers("tf", "session-tf", False)
+
+
+def test_a_recorded_tick_has_the_participants_that_it_had() -> None:
+    """One that comes earlier than it did waits. One that ended is waited for until it ends, and what does not come is
+    given up."""
+    tick = begun("robot_0", "tf")
+    join(tick, "robot_1", "robot_2")
+    listed = frozenset({"robot_0", "robot_1", "tf"})
+    tick.end()
+    tick.recorded = RecordedTick([], listed | {"robot_3"}, frozenset({"robot_1"}))
+    assert tick.lacks_recorded() == ["robot_3"]
+    tick.given_up.add("robot_3")
+    assert tick.lacks_recorded() == []
+    assert tick.open(0, 3, []).participants == sorted(listed)
+    assert tick.joining == {"robot_2"}
+    answer(tick, *listed)
+    assert (tick.is_over, tick.missing()) == (False, ["robot_1"])
+    tick.on_token("robot_1", "session-robot_1", False)
+    assert tick.is_over
 
 
 def test_a_held_tick_admits_no_process_before_all_expected_are_there() -> None:
