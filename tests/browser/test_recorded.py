@@ -110,7 +110,8 @@ def test_keys_are_for_the_recording_and_not_for_the_map(shown: Screen, replay: F
     press(shown, " ", "ArrowRight")
     shown.wait(SHOWN, 2)
     wait_until_true(lambda: replay.status.is_paused)
-    assert shown.ask("zteam.app.camera.get()") == before
+    # The camera may ease by less than a pixel still; a key of the map moves it by metres.
+    assert shown.ask("zteam.app.camera.get()") == pytest.approx(before, abs=1e-3)
     replay.asked.clear()
     shown.page.focus("#map")
     press(shown, "ArrowRight", " ", "Escape", "Home")
