@@ -53,6 +53,8 @@ class Recorder:
         self._arrived: deque[RawSample] = deque()
         self._bytes = 0
         self._room = threading.Condition()
+        self.writing = threading.RLock()
+        """Held while the file is written."""
         self._met: set[str] = set()
         """The encodings of messages, which were looked at once."""
         self.lost = 0
@@ -100,27 +102,41 @@ class Recorder:
                 self._put(self._gatherer.beside(sample))
         self._live.clear()
 
-    def drain(self) -> None:
-        """Write what has come, once it is known what time that is. Raises OSError."""
-        if not self._is_timed():
-            return
+    def drain(self, *, may_ask: bool = True) -> None:
+        """Write what has come, once it is known what time that is. Unless it `may_ask` other sessions, not what comes
+        behind a message of an unknown type. Raises OSError."""
         clock = self._node.clock
-        if not clock.simulated or not self._gatherer.time:
-            self._gatherer.time = clock.now()
-        while self._arrived:
-            sample = self._arrived.popleft()
-            if self._latched is not None:
-                self._live.add((sample.key, sample.payload))
-            if sample.encoding not in self._met:
-                self._learn(sample)
-            try:
-                for entry in self._gatherer.take(sample):
-                    self._put(entry)
-            except DecodeError as error:
-                self._node.bus.counters.drop(sample.key, str(error))
+        with self.writing:
+            if not self._is_timed():
+                return
+            if not clock.simulated or not self._gatherer.time:
+                self._gatherer.time = clock.now()
+            while self._arrived and (may_ask or self._arrived[0].encoding in self._met):
+                self._take(self._arrived.popleft())
         with self._room:
             self._bytes = 0
             self._room.notify_all()
+
+    def _take(self, sample: RawSample) -> None:
+        if self._latched is not None:
+            self._live.add((sample.key, sample.payload))
+        if sample.encoding not in self._met:
+            self._learn(sample)
+        try:
+            for entry in self._gatherer.take(sample):
+                self._put(entry)
+        except DecodeError as error:
+            self._node.bus.counters.drop(sample.key, str(error))
+
+    def write_behind(self) -> None:
+        """In lock-step: write what has come, in the thread of the bus that has answered the tick. A second thread would
+        keep it from receiving: Python runs one at a time, and each message waits for its turn."""
+        if self._node.part.state is not TickState.ANSWERED or self._latched is not None:
+            return
+        try:
+            self.drain(may_ask=False)
+        except OSError as error:
+            self._node.fail(error)
 
     def _is_timed(self) -> bool:
         """Whether it is known what time it is. At the end that is waited for no longer."""
@@ -212,6 +228,13 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
         recorder.make_room()
 
     node.adopt(act, NoSteps(node))
+    advance = node.on_input
+
+    def on_input() -> None:
+        advance()
+        recorder.write_behind()
+
+    node.on_input = on_input
     began, flush = Every(_HISTORY), Every(_FLUSH)
     began.due()
     flush.due()
@@ -225,7 +248,8 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
                 recorder.end_history()
             recorder.drain()
             if flush.due():
-                recorder.writer.flush()
+                with recorder.writing:
+                    recorder.writer.flush()
         recorder.end()
         recorder.writer.finish(recorder.facts())
     except OSError as error:
