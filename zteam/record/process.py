@@ -133,10 +133,15 @@ class Recorder:
         keep it from receiving: Python runs one at a time, and each message waits for its turn."""
         if self._node.part.state is not TickState.ANSWERED or self._latched is not None:
             return
+        # The main loop may wait for an answer, which comes over this very thread.
+        if not self.writing.acquire(blocking=False):
+            return
         try:
             self.drain(may_ask=False)
         except OSError as error:
             self._node.fail(error)
+        finally:
+            self.writing.release()
 
     def _is_timed(self) -> bool:
         """Whether it is known what time it is. At the end that is waited for no longer."""
