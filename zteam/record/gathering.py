@@ -32,6 +32,8 @@ class _Stream:
         self.pending: list[tuple[str, str, bytes]] = []
         self.held: list[Entry] = []
         """What it has sent in the tick that it has answered, until the next tick shows whether it counts."""
+        self.answer = b""
+        """Its last answer."""
         self.answered: tuple[int, int] | None = None
         """Epoch and tick of its last answer."""
         self.last: frozenset[tuple[str, str, bytes]] = frozenset()
@@ -146,8 +148,11 @@ class Gatherer:
             stream.pending = []
             return
         if stream.answered == answer:
-            # It comes again: the tick has, or a request is handed on.
+            if data == stream.answer:
+                # The tick has come again, and so has what was sent in it. Otherwise a request is handed on.
+                stream.pending.clear()
             return
+        stream.answer = data
         if len(data) <= _EARLIER_DONE:
             # It does not say what it reads, so what comes from outside comes to it past the ticks.
             self.stray.setdefault(name, names.done_key(name))

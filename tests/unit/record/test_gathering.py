@@ -12,6 +12,7 @@ from zteam.messages import (
     Done,
     Float64,
     Header,
+    Input,
     LaserScan,
     Message,
     Odometry,
@@ -177,6 +178,22 @@ def test_a_process_that_does_not_say_what_it_reads_is_named(desk: Desk) -> None:
     short = encode(Done(1, 3))[:76]
     desk.entries += desk.gatherer.take(RawSample("robot_0/done", short, "", source=ROBOT))
     assert desk.gatherer.stray == {"robot_0": "robot_0/done"}
+
+
+def test_a_request_that_is_handed_on_hides_no_message(desk: Desk) -> None:
+    """The answer comes again with it, after the next tick's first message; where the tick comes again, so does what was
+    sent in it, perhaps in another form."""
+    desk.tick(3)
+    desk.done(3)
+    desk.word("of the next tick")
+    desk.say(ROBOT, "robot_0/done", Done(1, 3, inputs=[Input(1, "robot_0/set", Input.REQUEST)]))
+    desk.tick(4)
+    desk.done(4, 1)
+    desk.word("both in one")
+    desk.done(4, 1)
+    desk.tick(5)
+    desk.done(5)
+    assert not (desk.gatherer.gaps or desk.gatherer.stray)
 
 
 def test_each_tick_has_a_hash_of_its_ground_truth(desk: Desk) -> None:
