@@ -20,8 +20,6 @@ from zteam.node.tokens import CertainTokens
 
 _WINDOW = 1000
 """Ticks that timing looks back."""
-_TOKEN_LIMIT = 1.0
-"""Host seconds for a token to come after a tick of its session."""
 _STAND, _NOTHING = Twist(), list[str]()
 """In answers, which are not changed: no command, and nothing new to read."""
 
@@ -41,8 +39,6 @@ class Ticks:
         self._handle, self._on_end = on_tick, on_end
         self.simulators: set[str] = set()
         """The sessions that hold the token: the simulators in lock-step."""
-        self._early_since = 0.0
-        """Host time of the first tick of that session."""
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
@@ -80,11 +76,7 @@ class Ticks:
         if source in self.simulators:
             self._handle(tick)
             return
-        early, now = self._early, monotonic()
-        if early is None or early[0] != source:
-            self._early_since = now
-        # A simulator sends its first tick again for each process that comes, and its token may be on its way.
-        if early is not None and (early[0] != source or now - self._early_since > _TOKEN_LIMIT):
+        if self._early is not None:
             self._node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
         self._early = source, tick
 
