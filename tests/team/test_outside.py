@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from support.outside import send
 from zteam import names
-from zteam.bus.receiving import KeyCount
 from zteam.clock import pause
-from zteam.messages import Message, NavigationState, PoseStamped, String, Tick, Twist, Vector3
+from zteam.messages import NavigationState, PoseStamped, String, Tick, Twist, Vector3
 from zteam.robot.client import ParametersClient
 from zteam.team.testing.team import TeamFixture
 
@@ -30,19 +30,6 @@ def main(node: Node) -> None:
     node.run(step)
 """
 WITNESSES = ("ann", "bob", "cid")
-
-
-def received(team: TeamFixture, key: str) -> int:
-    """How many inputs with this key the simulator has."""
-    counts = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
-    return counts.get(key, KeyCount()).received
-
-
-def send(team: TeamFixture, key: str, message: Message) -> None:
-    """Publish a message from outside; the simulator has it when this returns."""
-    before = received(team, key)
-    team.bus.publisher(key, type(message)).put(message)
-    team.wait_for(lambda: received(team, key) > before)
 
 
 def start(team: TeamFixture, folder: Path, *, in_process: bool) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from zteam import Recording, names
-from zteam.bus.receiving import KeyCount
+from support.outside import send
+from zteam import Recording
 from zteam.clock import pause
-from zteam.messages import Message, String, Twist, Vector3
+from zteam.messages import String, Twist, Vector3
 from zteam.robot.client import ParametersClient
 from zteam.team.testing.team import TeamFixture
 
@@ -53,18 +53,6 @@ def zteam(*words: str | Path) -> "subprocess.CompletedProcess[str]":
     """Run a command in this folder to its end."""
     command = [sys.executable, "-m", "zteam", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=200.0, check=False)
-
-
-def send(team: TeamFixture, key: str, message: Message) -> None:
-    """Publish a message from outside; the simulator has it when this returns."""
-
-    def received() -> int:
-        counts = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
-        return counts.get(key, KeyCount()).received
-
-    before = received()
-    team.bus.publisher(key, type(message)).put(message)
-    team.wait_for(lambda: received() > before)
 
 
 def drive_from_outside(team: TeamFixture) -> None:

@@ -49,7 +49,7 @@ class Recorder:
         if options.last is not None:
             facts["last"] = str(options.last)
         self.writer = RecordingWriter(options.file, facts, contents, force=options.force)
-        self._gatherer = Gatherer(node.part.ticks.simulators)
+        self.gathered = Gatherer(node.part.ticks.simulators)
         self._arrived: deque[RawSample] = deque()
         self._bytes = 0
         self._room = threading.Condition()
@@ -99,7 +99,7 @@ class Recorder:
         for sample in latched.values():
             if (sample.key, sample.payload) not in self._live:
                 self._learn(sample)
-                self._put(self._gatherer.beside(sample))
+                self._put(self.gathered.beside(sample))
         self._live.clear()
 
     def drain(self, *, may_ask: bool = True) -> None:
@@ -109,8 +109,8 @@ class Recorder:
         with self.writing:
             if not self._is_timed():
                 return
-            if not clock.simulated or not self._gatherer.time:
-                self._gatherer.time = clock.now()
+            if not clock.simulated or not self.gathered.time:
+                self.gathered.time = clock.now()
             while self._arrived and (may_ask or self._arrived[0].encoding in self._met):
                 self._take(self._arrived.popleft())
         with self._room:
@@ -123,7 +123,7 @@ class Recorder:
         if sample.encoding not in self._met:
             self._learn(sample)
         try:
-            for entry in self._gatherer.take(sample):
+            for entry in self.gathered.take(sample):
                 self._put(entry)
         except DecodeError as error:
             self._node.bus.counters.drop(sample.key, str(error))
@@ -164,7 +164,7 @@ class Recorder:
         """Write what waits until the end."""
         self.end_history()
         self.drain()
-        for entry in self._gatherer.rest():
+        for entry in self.gathered.rest():
             self._put(entry)
         self._write_kept()
 
@@ -199,7 +199,7 @@ class Recorder:
 
     def facts(self) -> dict[str, str]:
         """What the recording says of itself at its end."""
-        gathered = self._gatherer
+        gathered = self.gathered
         found = {
             "ticks": str(gathered.ticks),
             "is_whole": str(gathered.is_whole and not gathered.gaps),
@@ -211,18 +211,6 @@ class Recorder:
         if gathered.stray:
             found["stray"] = "\n".join(f"{name} {key}" for name, key in gathered.stray.items())
         return found
-
-    def gap(self) -> str:
-        """The first message that has not come, in words; empty if all have."""
-        return self._gatherer.gaps[0] if self._gatherer.gaps else ""
-
-    @property
-    def missed(self) -> int:
-        return self._gatherer.missed
-
-    @property
-    def stray(self) -> dict[str, str]:
-        return self._gatherer.stray
 
 
 def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, bytes]) -> None:
@@ -264,14 +252,15 @@ def run_recorder(node: Node, options: RecorderOptions, contents: Mapping[str, by
         # The process may have been asked to stop already.
         node.exit_code = 1
         return
-    for name, key in recorder.stray.items():
-        log.warning("%s publishes %s outside of its steps: such a run does not repeat", name, key)
-    if recorder.missed:
-        log.warning("of %s no clock has come: messages may be lost", counted(recorder.missed, "tick"))
+    gathered = recorder.gathered
+    for name, key in gathered.stray.items():
+        log.warning("%s publishes %s outside of its steps, so the run does not repeat", name, key)
+    if gathered.missed:
+        log.warning("of %s no clock has come: messages may be lost", counted(gathered.missed, "tick"))
     if recorder.lost:
         log.warning("%s could not be written in time, and are lost", counted(recorder.lost, "message"))
-    if gap := recorder.gap():
-        log.error("%s lacks messages, so it proves nothing: %s", options.file, gap)
+    if gathered.gaps:
+        log.error("%s lacks messages, so it proves nothing: %s", options.file, gathered.gaps[0])
         node.exit_code = 1
         return
     log.info("%s has %s", options.file, counted(recorder.writer.count, "message"))

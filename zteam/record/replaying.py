@@ -15,13 +15,13 @@ from zteam.bus.transport import Handle
 from zteam.clock import Every, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, DuplicateNameError, UsageError, log
-from zteam.messages import Message, TFMessage, decode, encode
+from zteam.messages import Message, TFMessage, encode
 from zteam.messages.topics import is_latched, is_measured
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ReplayOptions
 from zteam.record.client import ReplayStatus, SeekRequest, SpeedRequest, StepRequest
 from zteam.record.comparing import publisher_of
-from zteam.record.timeline import RECENT, Timeline
+from zteam.record.timeline import RECENT, Timeline, transforms_in
 from zteam.record.writing import Entry
 from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer
@@ -94,9 +94,9 @@ class Replay:
             if (publisher := self._publishers.get((entry.key, entry.type))) is not None:
                 publisher.put_owned(entry.data)
             if entry.key == names.TF_STATIC:
-                self.buffer.set_all_static(decode(TFMessage, entry.data).transforms, names.TF)
+                self.buffer.set_all_static(transforms_in(entry), names.TF)
             elif entry.key == names.TF:
-                self.buffer.set_transforms(decode(TFMessage, entry.data).transforms, names.TF)
+                self.buffer.set_transforms(transforms_in(entry), names.TF)
             elif entry.key.endswith(f"/{names.STATUS}"):
                 self._statuses[entry.key] = entry
 
@@ -196,8 +196,8 @@ class Replay:
         """The transforms of now."""
         with self.lock:
             state = self.timeline.state_at(self.now)
-        bundles = [decode(TFMessage, entry.data) for entry in state if entry.key == names.TF]
-        return BundleReply(encode(TFMessage([each for bundle in bundles for each in bundle.transforms])))
+        found = [each for entry in state if entry.key == names.TF for each in transforms_in(entry)]
+        return BundleReply(encode(TFMessage(found)))
 
 
 def run_replay(node: ProcessNode, timeline: Timeline, options: ReplayOptions, world: str = "") -> None:

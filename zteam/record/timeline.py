@@ -3,6 +3,7 @@
 from array import array
 from bisect import bisect_right
 from collections import defaultdict
+from collections.abc import Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import pairwise
@@ -15,7 +16,7 @@ import numpy as np
 from zteam import names
 from zteam.clock import to_ns
 from zteam.errors import DecodeError, UsageError
-from zteam.messages import TFMessage, decode
+from zteam.messages import TFMessage, TransformStamped, decode
 from zteam.messages.topics import is_latched
 from zteam.record.recording import Recording
 from zteam.record.writing import Entry
@@ -88,13 +89,19 @@ def is_replayed(key: str) -> bool:
     return not own and key != names.TICK and names.process_of(key, names.DONE) is None
 
 
+def transforms_in(entry: Entry) -> Sequence[TransformStamped]:
+    """Those of a message; none of one that cannot be read, as any program may have published it."""
+    try:
+        return decode(TFMessage, entry.data).transforms
+    except DecodeError:
+        return ()
+
+
 def _slots_of(entry: Entry) -> list[Slot]:
     if entry.type == TFMessage.ros_type and not is_latched(entry.key):
-        try:
-            transforms = decode(TFMessage, entry.data).transforms
-            return [Slot(entry.key, entry.type, each.child_frame_id) for each in transforms]
-        except DecodeError:
-            pass
+        slots = [Slot(entry.key, entry.type, each.child_frame_id) for each in transforms_in(entry)]
+        if slots:
+            return slots
     return [Slot(entry.key, entry.type)]
 
 

@@ -67,8 +67,8 @@ def test_all_readers_share_one_question() -> None:
 
 
 def test_all_that_were_there_are_waited_for() -> None:
-    """Of each subscription, once; of one that is new meanwhile, too; for a further reader its own question. Without a
-    subscription, and where nobody waits, nothing is looked for."""
+    """Those of each subscription once, also of one that is new meanwhile; a further reader has a question of its own.
+    The bus looks for publishers only where there is a subscription and something waits for it."""
     desk, caught_up = Desk(), Inbox()
     desk.all.when_caught_up(lambda: caught_up("none"))
     desk.read()

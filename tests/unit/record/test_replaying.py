@@ -215,6 +215,18 @@ def test_real_robots(hub: MemoryHub, tmp_path: Path, heard: Heard) -> None:
     assert recorded_names(["clock", *keys], is_simulated=True) == {"sim", "robot_0", "planner"}
 
 
+@pytest.mark.parametrize("key", ["tf", "tf_static"])
+def test_transforms_that_cannot_be_read_end_no_replay(hub: MemoryHub, tmp_path: Path, heard: Heard, key: str) -> None:
+    """A recorder keeps what any program publishes: they are published as they are, and tell the tree nothing."""
+    broken = Entry(key, TFMessage.ros_type, 3 * STEP, b"short", 0)
+    replay = open_replay(hub, write(tmp_path / "run.mcap", [*run_of(TICKS), broken]))
+    replay.go_to(0)
+    play(replay, heard, 1.0)
+    assert b"short" in [sample.payload for sample in heard.samples if sample.key == key]
+    replay.go_to(3 * STEP)
+    assert replay.buffer.frames() and replay.bundle()
+
+
 def test_a_recording_that_was_cut_off(hub: MemoryHub, tmp_path: Path, heard: Heard) -> None:
     """It is replayed up to there; what has nothing is refused."""
     replay = open_replay(hub, write(tmp_path / "cut.mcap", run_of(5), finished=False))

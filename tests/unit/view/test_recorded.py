@@ -1,4 +1,4 @@
-"""A recording instead of a team: what pages are told of it, what they may ask, and what a jump back forgets."""
+"""A recording instead of a team: what pages receive of it, what they may ask, and what a jump back forgets."""
 
 from collections.abc import Iterator
 
@@ -29,7 +29,7 @@ def view(replay: FakeReplay) -> Iterator[View]:
 
 
 def wait_for_tick(page: Page, tick: int) -> None:
-    """Wait until the page is told that the recording is there, and has its poses."""
+    """Wait until the page has the recording's document and its poses."""
     page.wait(lambda: (page.docs.get("replay") or {}).get("tick") == tick)
     page.wait(lambda: page.frames[-1].stamp == pytest.approx(tick * TICK / S))
 
@@ -75,7 +75,7 @@ def test_a_recording_takes_no_other_command(view: View, replay: FakeReplay) -> N
 
 
 def test_without_a_recording_its_commands_are_refused() -> None:
-    """The page is told once that there is none."""
+    """The page receives an empty document once."""
     with open_view(MemoryHub().bus()) as view, open_page(view.port) as page:
         page.wait(lambda: "replay" in page.docs)
         assert page.docs["replay"] is None
